@@ -226,12 +226,10 @@ fn take_turn(
     recorder: &mut FlightRecorder,
     hardware: &mut impl ControlHardware,
 ) {
-    for _ in 0..supervisor.turn() {
-        if recorder.step(tick.ticks(), tick.motors()) {
-            supervisor.review(tick.is_flown());
-        }
+    if recorder.step(tick.ticks(), tick.motors()) {
+        supervisor.review(tick.ticks(), tick.is_flown());
     }
-    if supervisor.is_fed() {
+    if supervisor.turn() {
         hardware.feed_watchdog();
     }
 }

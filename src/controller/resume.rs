@@ -7,10 +7,10 @@
 //! | part | written | protected by |
 //! |---|---|---|
 //! | settings, where they come from, and the filters' coefficients as integers | at the start, and whenever a host sets or saves settings, with every motor at rest | CRC-32 |
-//! | flight: for each motor whether its command may be held, the command, for how long; ticks since the start | every 1 to 2 ms by the control task, a motor at a time, in one of two copies in turn | a checksum that the CRC of the settings begins |
+//! | flight: for each motor whether its command may be held, the command, for how long; ticks since the start | in 6 to 12 ticks of 5 kHz by the control task, a motor at a time, in one of two copies in turn | a checksum that the CRC of the settings begins |
 //! | the resets before | at the start | its complement |
 //!
-//! A reset in the middle of a round leaves the other copy of the flight, whose commands are 1 to 4 ms old. One that old is as good: a
+//! A reset in the middle of a round leaves the other copy of the flight, whose commands are up to 5 ms old (25 ms in a loop at 1 kHz). One that old is as good: a
 //! flight controller's frames are as far apart, or answer each other within that time.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -239,37 +239,16 @@ impl ResumeMemory {
 
     // --- Flight -------------------------------------------------------------------------------------------------------
 
-    /// What a round of the flight's writes begins with.
-    fn begin_round(&self) -> u32 {
-        self.settings_crc.load(Relaxed)
-    }
-
-    /// Keeps what a motor does, in the older copy. Gives the checksum up to here.
-    #[inline]
-    fn write_motor(&self, index: usize, motor: HeldMotor, checksum: u32) -> u32 {
-        let Some([to_state, to_command]) = self.older().as_chunks::<2>().0.get(index) else { return checksum };
-        let (held, command) = match motor.held {
-            Some((command, ticks_left)) => (IS_HELD | ticks_left & TICKS_MASK, command.to_bits().cast_unsigned()),
-            None => (0, 0),
-        };
-        let state = if motor.is_enabled { held | IS_ENABLED } else { held };
-        to_state.store(state, Relaxed);
-        to_command.store(command, Relaxed);
-        mixed(mixed(checksum, state), command)
-    }
-
-    /// Ends a round of all motors, `ticks` after the start: from now on the other copy is the older one.
-    fn end_round(&self, ticks: u32, checksum: u32) {
-        let [.., to_ticks, to_checksum] = self.older();
-        to_ticks.store(ticks, Relaxed);
-        to_checksum.store(mixed(checksum, ticks), Relaxed);
-        self.rounds.store(self.rounds.load(Relaxed).wrapping_add(1), Relaxed);
-    }
-
-    #[inline]
-    fn older(&self) -> &[AtomicU32; FLIGHT_WORDS] {
+    /// The older copy, which is written next, and what its checksum begins with.
+    fn begin_round(&self) -> (&[AtomicU32; FLIGHT_WORDS], u32) {
         let [first, second] = &self.flights;
-        if self.rounds.load(Relaxed) & 1 == 0 { first } else { second }
+        let copy = if self.rounds.load(Relaxed) & 1 == 0 { first } else { second };
+        (copy, self.settings_crc.load(Relaxed))
+    }
+
+    /// From now on the other copy is the older one.
+    fn end_round(&self) {
+        self.rounds.store(self.rounds.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
     /// The newer one of the two copies whose checksums hold.
@@ -323,31 +302,63 @@ impl ResumeMemory {
 /// Writes the flight into the memory, motor by motor: a tick has not the time for all.
 pub(super) struct FlightRecorder {
     memory: Option<&'static ResumeMemory>,
-    /// The motor that is next; behind the last the end of the round.
-    next: usize,
+    /// The copy that is written.
+    copy: &'static [AtomicU32; FLIGHT_WORDS],
     checksum: u32,
+    /// The motor that is next; behind the last the end of the round, and then a step without any.
+    next: usize,
 }
 
+/// What is written without memory that survives.
+static NOWHERE: [AtomicU32; FLIGHT_WORDS] = [const { AtomicU32::new(0) }; FLIGHT_WORDS];
+
 impl FlightRecorder {
-    pub const fn new(memory: Option<&'static ResumeMemory>) -> Self {
-        Self { memory, next: 0, checksum: 0 }
+    pub fn new(memory: Option<&'static ResumeMemory>) -> Self {
+        let (copy, checksum) = memory.map_or((&NOWHERE, 0), ResumeMemory::begin_round);
+        Self { memory, copy, checksum, next: 0 }
     }
 
-    /// One step. Whether it has ended a round.
+    /// One step. Whether it had nothing to do: once in a round.
     #[inline]
     pub fn step(&mut self, ticks: u32, motors: &[Motor; MOTORS]) -> bool {
-        let motor = motors.get(self.next);
-        if let Some(memory) = self.memory {
-            if self.next == 0 {
-                self.checksum = memory.begin_round();
-            }
-            match motor {
-                Some(motor) => self.checksum = memory.write_motor(self.next, motor.held(), self.checksum),
-                None => memory.end_round(ticks, self.checksum),
-            }
+        if let Some(motor) = motors.get(self.next) {
+            self.write_motor(motor.held());
+            self.next += 1;
+            return false;
         }
-        self.next = if motor.is_some() { self.next + 1 } else { 0 };
-        motor.is_none()
+        if self.next > MOTORS {
+            self.next = 0;
+            return true;
+        }
+        self.end_round(ticks);
+        self.next += 1;
+        false
+    }
+
+    #[inline]
+    fn write_motor(&mut self, motor: HeldMotor) {
+        let Some([to_state, to_command]) = self.copy.as_chunks::<2>().0.get(self.next) else { return };
+        let (held, command) = match motor.held {
+            // Times are at most 10 000 ticks.
+            Some((command, ticks_left)) => (IS_HELD | ticks_left, command.to_bits().cast_unsigned()),
+            None => (0, 0),
+        };
+        let state = held | u32::from(motor.is_enabled) << IS_ENABLED.trailing_zeros();
+        to_state.store(state, Relaxed);
+        to_command.store(command, Relaxed);
+        self.checksum = mixed(mixed(self.checksum, state), command);
+    }
+
+    /// Ends a round of all motors, `ticks` after the start, and begins one in the other copy.
+    #[inline]
+    fn end_round(&mut self, ticks: u32) {
+        let [.., to_ticks, to_checksum] = self.copy;
+        to_ticks.store(ticks, Relaxed);
+        to_checksum.store(mixed(self.checksum, ticks), Relaxed);
+        if let Some(memory) = self.memory {
+            memory.end_round();
+            (self.copy, self.checksum) = memory.begin_round();
+        }
     }
 }
 
@@ -446,11 +457,18 @@ mod tests {
     }
 
     fn write(memory: &ResumeMemory, ticks: u32, motors: [HeldMotor; MOTORS]) {
-        let mut checksum = memory.begin_round();
-        for (index, motor) in motors.into_iter().enumerate() {
-            checksum = memory.write_motor(index, motor, checksum);
+        let (copy, checksum) = memory.begin_round();
+        // A recorder writes for ever: into a copy of the copy, which is put in its place.
+        let copy: [AtomicU32; FLIGHT_WORDS] = copy.each_ref().map(|word| AtomicU32::new(word.load(Relaxed)));
+        let copy: &'static [AtomicU32; FLIGHT_WORDS] = std::boxed::Box::leak(std::boxed::Box::new(copy));
+        let mut recorder = FlightRecorder { memory: None, copy, checksum, next: 0 };
+        for motor in motors {
+            recorder.write_motor(motor);
+            recorder.next += 1;
         }
-        memory.end_round(ticks, checksum);
+        recorder.end_round(ticks);
+        memory.begin_round().0.iter().zip(copy).for_each(|(to, from)| to.store(from.load(Relaxed), Relaxed));
+        memory.end_round();
     }
 
     /// Memory in which a flight with these settings has been kept up to so many ticks.

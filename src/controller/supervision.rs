@@ -5,11 +5,10 @@ const IDLE_LIMIT_MS: u32 = 20_000;
 /// How long every motor must have been at rest before a hung lowest priority ends in a reset, milliseconds: a pilot who cuts the
 /// throttle in the air for a moment is still flying.
 const REST_LIMIT_MS: u32 = 2000;
-/// Steps of what need not be done in every tick, per second, at the least half as many.
-const STEPS_HZ: u32 = 5000;
+/// Turns for what need not be done in every tick, per second, at the most: at the least half as many, and half as many as ticks.
+const TURNS_HZ: u32 = 5000;
 
-/// Counts late ticks, watches the lowest priority, and says when the control task takes a step of what is not for every tick: a
-/// [turn](Self::turn).
+/// Counts late ticks, watches the lowest priority, and says when the control task takes a turn at what is not for every tick.
 ///
 /// While a flight controller turns a motor the watchdog is fed whatever the lowest priority does: it only talks to the host. A hang
 /// is counted. With every motor at rest it ends in a reset, which mends it.
@@ -24,8 +23,8 @@ pub struct Supervisor {
     /// Ticks until the next turn at the latest: from twice the period down.
     until_turn: u32,
     turn_period: u32,
-    steps_per_turn: u32,
-    ticks_since_review: u32,
+    /// The tick of the last review.
+    last_review: u32,
     idle_away_ticks: u32,
     idle_limit_ticks: u32,
     /// Since a flight controller has turned a motor.
@@ -45,8 +44,7 @@ impl Supervisor {
             is_fed: true,
             until_turn: 0,
             turn_period: 0,
-            steps_per_turn: 0,
-            ticks_since_review: 0,
+            last_review: 0,
             idle_away_ticks: 0,
             idle_limit_ticks: 0,
             rest_ticks: u32::MAX,
@@ -61,13 +59,12 @@ impl Supervisor {
     pub const fn set_rate(&mut self, loop_rate_hz: u32) {
         self.idle_limit_ticks = super::ticks(IDLE_LIMIT_MS, loop_rate_hz);
         self.rest_limit_ticks = super::ticks(REST_LIMIT_MS, loop_rate_hz);
-        self.turn_period = if loop_rate_hz > STEPS_HZ { loop_rate_hz / STEPS_HZ } else { 1 };
-        self.steps_per_turn = if loop_rate_hz == 0 { 1 } else { STEPS_HZ.div_ceil(loop_rate_hz) };
+        self.turn_period = if loop_rate_hz > TURNS_HZ { loop_rate_hz / TURNS_HZ } else { 1 };
         self.until_turn = 2 * self.turn_period;
     }
 
     /// One tick. `idle_ran`: the lowest priority has run since the last one. `is_long`: this tick had new commands to work on. Whether
-    /// a turn is due: at [`STEPS_HZ`], but in a tick that is long only where it has waited for as long again.
+    /// a turn is due: at [`TURNS_HZ`], but in a tick that is long only where it has waited for as long again.
     #[inline]
     pub const fn tick(&mut self, idle_ran: bool, is_long: bool) -> bool {
         self.idle_ran |= idle_ran;
@@ -75,18 +72,17 @@ impl Supervisor {
         self.until_turn <= self.turn_period && (!is_long || self.until_turn == 0)
     }
 
-    /// The turn: how many steps it has.
-    pub const fn turn(&mut self) -> u32 {
-        let ticks = (2 * self.turn_period).saturating_sub(self.until_turn);
-        self.ticks_since_review = self.ticks_since_review.saturating_add(ticks);
+    /// The turn is taken. Whether the watchdog is to be fed in it.
+    #[inline]
+    pub const fn turn(&mut self) -> bool {
         self.until_turn = 2 * self.turn_period;
-        self.steps_per_turn
+        self.is_fed
     }
 
-    /// Looks after the lowest priority, after some steps. `is_flown`: a flight controller turns a motor.
-    pub const fn review(&mut self, is_flown: bool) {
-        let ticks = self.ticks_since_review;
-        self.ticks_since_review = 0;
+    /// Looks after the lowest priority, every few turns. `tick`: the number of this tick. `is_flown`: a flight controller turns a motor.
+    pub const fn review(&mut self, tick: u32, is_flown: bool) {
+        let ticks = tick.wrapping_sub(self.last_review);
+        self.last_review = tick;
         let was_hung = self.is_idle_hung();
         self.idle_away_ticks = if self.idle_ran { 0 } else { self.idle_away_ticks.saturating_add(ticks) };
         self.idle_ran = false;
@@ -95,12 +91,6 @@ impl Supervisor {
             self.idle_hangs = self.idle_hangs.wrapping_add(1);
         }
         self.is_fed = !self.is_idle_hung() || self.rest_ticks < self.rest_limit_ticks;
-    }
-
-    /// Whether the watchdog is to be fed in each turn.
-    #[must_use]
-    pub const fn is_fed(&self) -> bool {
-        self.is_fed
     }
 
     const fn is_idle_hung(&self) -> bool {
@@ -134,35 +124,49 @@ impl Supervisor {
 mod tests {
     use super::*;
 
-    /// The control task's steps between two reviews.
-    const STEPS: u32 = 5;
+    /// The control task's turns between two reviews.
+    const TURNS: u32 = 6;
 
-    /// One tick, and whether the watchdog is to be fed after it.
-    fn is_fed(supervisor: &mut Supervisor, step: &mut u32, idle_ran: bool, is_flown: bool) -> bool {
-        if supervisor.tick(idle_ran, false) {
-            for _ in 0..supervisor.turn() {
-                *step += 1;
-                if *step % STEPS == 0 {
-                    supervisor.review(is_flown);
-                }
-            }
-        }
-        supervisor.is_fed()
+    /// A control task with nothing else to do.
+    struct Task {
+        supervisor: Supervisor,
+        tick: u32,
+        turns: u32,
+        is_fed: bool,
     }
 
-    /// Ticks without the lowest priority, up to one after which the watchdog is not fed; at most so many.
-    fn unfed(supervisor: &mut Supervisor, is_flown: bool, most: u32) -> Option<u32> {
-        let mut step = 0;
-        (1..=most).find(|_| !is_fed(supervisor, &mut step, false, is_flown))
+    impl Task {
+        fn new(rate: u32) -> Self {
+            // The count of ticks wraps.
+            Self { supervisor: Supervisor::new(rate), tick: 0, turns: 0, is_fed: true }
+        }
+
+        /// One tick, and whether the watchdog is fed.
+        fn is_fed(&mut self, idle_ran: bool, is_flown: bool) -> bool {
+            self.tick = self.tick.wrapping_add(1);
+            if self.supervisor.tick(idle_ran, false) {
+                self.turns += 1;
+                if self.turns % TURNS == 0 {
+                    self.supervisor.review(self.tick, is_flown);
+                }
+                self.is_fed = self.supervisor.turn();
+            }
+            self.is_fed
+        }
+
+        /// Ticks without the lowest priority, up to one after which the watchdog is not fed; at most so many.
+        fn unfed(&mut self, is_flown: bool, most: u32) -> Option<u32> {
+            (1..=most).find(|_| !self.is_fed(false, is_flown))
+        }
     }
 
     #[test]
     fn a_turn_comes_5000_times_a_second_and_waits_for_a_short_tick_for_as_long_again() {
-        for (rate, period, steps) in [(1000, 1, 5), (2000, 1, 3), (5000, 1, 1), (8000, 1, 1), (10_000, 2, 1)] {
+        for (rate, period) in [(1000, 1), (5000, 1), (8000, 1), (10_000, 2)] {
             let mut supervisor = Supervisor::new(rate);
             let mut next = |is_long: fn(u32) -> bool| {
                 let tick = (1..100).find(|&n| supervisor.tick(true, is_long(n))).unwrap();
-                assert_eq!(supervisor.turn(), steps);
+                assert!(supervisor.turn());
                 tick
             };
             for _ in 0..3 {
@@ -178,34 +182,32 @@ mod tests {
         for rate in [1000, 5000, 10_000] {
             let within = |ticks: Option<u32>, seconds: u32| {
                 let ticks = ticks.unwrap();
-                assert!((seconds * rate..=seconds * rate + rate / 500).contains(&ticks), "{ticks} at {rate} Hz");
+                assert!((seconds * rate..=seconds * rate + rate / 100).contains(&ticks), "{ticks} at {rate} Hz");
             };
-            let mut supervisor = Supervisor::new(rate);
-            within(unfed(&mut supervisor, false, 21 * rate), 20);
-            let mut supervisor = Supervisor::new(rate);
-            assert_eq!(unfed(&mut supervisor, true, 60 * rate), None);
-            assert_eq!(supervisor.idle_hangs(), 1, "once, however long");
+            within(Task::new(rate).unfed(false, 21 * rate), 20);
+            let mut task = Task::new(rate);
+            assert_eq!(task.unfed(true, 60 * rate), None);
+            assert_eq!(task.supervisor.idle_hangs(), 1, "once, however long");
             // The throttle is cut in the air for a second, and again.
             for _ in 0..3 {
-                assert_eq!(unfed(&mut supervisor, false, rate), None);
-                assert_eq!(unfed(&mut supervisor, true, rate), None);
+                assert_eq!(task.unfed(false, rate), None);
+                assert_eq!(task.unfed(true, rate), None);
             }
             // Landed.
-            within(unfed(&mut supervisor, false, 3 * rate), 2);
+            within(task.unfed(false, 3 * rate), 2);
         }
     }
 
     #[test]
     fn a_lowest_priority_that_comes_back_is_counted_anew_when_it_hangs_again() {
-        let mut supervisor = Supervisor::new(1000);
+        let mut task = Task::new(1000);
         for hangs in 1..4 {
-            assert_eq!(unfed(&mut supervisor, true, 21_000), None);
-            assert_eq!(supervisor.idle_hangs(), hangs);
-            let mut step = 0;
-            (0..10).for_each(|_| assert!(is_fed(&mut supervisor, &mut step, true, true)));
-            assert_eq!(unfed(&mut supervisor, true, 19_900), None);
-            assert_eq!(supervisor.idle_hangs(), hangs);
-            (0..10).for_each(|_| assert!(is_fed(&mut supervisor, &mut step, true, true)));
+            assert_eq!(task.unfed(true, 21_000), None);
+            assert_eq!(task.supervisor.idle_hangs(), hangs);
+            (0..10).for_each(|_| assert!(task.is_fed(true, true)));
+            assert_eq!(task.unfed(true, 19_900), None);
+            assert_eq!(task.supervisor.idle_hangs(), hangs);
+            (0..10).for_each(|_| assert!(task.is_fed(true, true)));
         }
     }
 }
