@@ -19,7 +19,7 @@ use super::{Motor, channels};
 use crate::biquad;
 use crate::channel::Channel;
 use crate::checksum::CHECKSUM;
-use crate::compensator::{CommandRange, Filter, InverseFilter};
+use crate::compensator::{CommandRange, Filter, InverseFilter, LeadFilter};
 use crate::inverse::{self, SlewLimit, TABLE_POINTS};
 use crate::link::ResetReason;
 use crate::settings::{MOTORS, Origin, Settings, Validated};
@@ -224,7 +224,8 @@ impl ResumeMemory {
         let bytes = bytes.get(..length.load(Relaxed) as usize)?;
         let settings = postcard::from_bytes::<Settings>(bytes).ok()?.validate().ok()?;
         let kind = kind.load(Relaxed);
-        let mut filters = filters.as_chunks().0.iter().map(|words| filter(kind, &words.each_ref().map(|word| word.load(Relaxed))));
+        let mut filters =
+            filters.as_chunks().0.iter().map(|words| filter(kind, &words.each_ref().map(|word| word.load(Relaxed))));
         let mut next = || filters.next().flatten();
         Some((settings, origin_of(origin.load(Relaxed))?, [next()?, next()?, next()?, next()?]))
     }
@@ -374,14 +375,8 @@ const fn mixed(checksum: u32, word: u32) -> u32 {
     (checksum ^ word).wrapping_mul(0x9E37_79B1).rotate_left(15)
 }
 
-const ORIGINS: [Origin; 6] = [
-    Origin::Stored,
-    Origin::StoredOnce,
-    Origin::DefaultsBlank,
-    Origin::DefaultsBad,
-    Origin::Migrated,
-    Origin::Host,
-];
+const ORIGINS: [Origin; 6] =
+    [Origin::Stored, Origin::StoredOnce, Origin::DefaultsBlank, Origin::DefaultsBad, Origin::Migrated, Origin::Host];
 
 fn origin_number(origin: Origin) -> u32 {
     ORIGINS.iter().position(|&other| other == origin).map_or(u32::MAX, |index| index as u32)
@@ -394,8 +389,9 @@ fn origin_of(number: u32) -> Option<Origin> {
 fn filter_words(filter: &Filter) -> [u32; FILTER_WORDS] {
     let mut words = [0; FILTER_WORDS];
     match filter {
-        Filter::Lead(lead) => {
-            let values = [lead.k(), lead.c(), lead.g0(), lead.g1()];
+        Filter::Lead(LeadFilter { coefficients, slew }) => {
+            let of = coefficients;
+            let values = [of.k(), of.c(), of.g0(), of.g1(), slew.per_tick()];
             words.iter_mut().zip(values).for_each(|(word, value)| *word = value.cast_unsigned());
         }
         Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
@@ -412,12 +408,12 @@ fn filter_words(filter: &Filter) -> [u32; FILTER_WORDS] {
 fn filter(kind: u32, words: &[u32; FILTER_WORDS]) -> Option<Filter> {
     let words = words.map(u32::cast_signed);
     if kind == LEAD {
-        let [k, c, g0, g1, ..] = words;
-        return biquad::Coefficients::new(k, c, g0, g1).map(Filter::Lead);
+        let [k, c, g0, g1, slew, ..] = words;
+        let coefficients = biquad::Coefficients::new(k, c, g0, g1)?;
+        return Some(LeadFilter { coefficients, slew: SlewLimit::from_per_tick(slew)? }.into());
     }
     let [a, b, gains @ .., slew, lowest, highest] = words;
-    let is_in_range =
-        a > 0 && a < 1 << (inverse::COEFFICIENT_BITS - 1) && b > 0 && b <= 1 << inverse::COEFFICIENT_BITS;
+    let is_in_range = a > 0 && a < 1 << (inverse::COEFFICIENT_BITS - 1) && b > 0 && b <= 1 << inverse::COEFFICIENT_BITS;
     let (lowest, highest) = (Command::saturating_from_bits(lowest), Command::saturating_from_bits(highest));
     (kind == INVERSE && is_in_range).then_some(())?;
     let coefficients = inverse::Coefficients::new(a, b, gains.map(i64::from)).ok()?;
@@ -451,7 +447,8 @@ mod tests {
 
     fn flying(command: f64) -> [HeldMotor; MOTORS] {
         core::array::from_fn(|motor| HeldMotor {
-            held: (motor != 2).then(|| (Command::saturating_from_f64(command + 0.01 * motor as f64), 500 - motor as u32)),
+            held: (motor != 2)
+                .then(|| (Command::saturating_from_f64(command + 0.01 * motor as f64), 500 - motor as u32)),
             is_enabled: motor == 1,
         })
     }

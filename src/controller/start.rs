@@ -5,7 +5,7 @@ use heapless::spsc::{Consumer, Producer};
 
 use super::hardware::{BoardFacts, CaptureTimer, ControlHardware};
 use super::plan::Plan;
-use super::resume::{Resumption, ResumeSource};
+use super::resume::{ResumeSource, Resumption};
 use super::{
     Control, HandlerQueues, INJECT_QUEUE, Inputs, Motor, MotorQueues, Outputs, RECORD_QUEUE, RequestHandler, Tick,
     channels, filters,
@@ -80,7 +80,11 @@ fn resume(source: &ResumeSource, facts: &BoardFacts, tells_pulses_apart: bool) -
 }
 
 /// Settings from the flash, with their filters.
-fn load<F: NorFlash>(store: &mut Store<F>, facts: &BoardFacts, tells_pulses_apart: bool) -> (Validated, Origin, Usable) {
+fn load<F: NorFlash>(
+    store: &mut Store<F>,
+    facts: &BoardFacts,
+    tells_pulses_apart: bool,
+) -> (Validated, Origin, Usable) {
     let loaded = store.load();
     match Usable::new(&loaded.settings, facts, tells_pulses_apart) {
         Some(usable) => (loaded.settings, loaded.origin, usable),

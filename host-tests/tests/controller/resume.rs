@@ -6,7 +6,8 @@ use host_tests::rig::{Rig, SharedFlash, saved};
 use rotorlead::capture::{LossReason, Reading, Signal};
 use rotorlead::controller::{BoardFacts, Plan, ResumeMemory, ResumeSource};
 use rotorlead::link::{
-    ChannelState, ExciteRequest, Faults, Info, InjectRequest, LineSet, Message, PanicPlace, Request, ResetReason, Source,
+    ChannelState, ExciteRequest, Faults, Info, InjectRequest, LineSet, Message, PanicPlace, Request, ResetReason,
+    Source,
 };
 use rotorlead::settings::{MOTORS, Origin, Settings};
 use rotorlead::throttle::{Command, EscCommand};
@@ -291,7 +292,8 @@ fn neither_an_injection_nor_an_excitation_goes_on() {
     settings.excitation.arm_ms = 0;
     let mut flight = Flight::new(&settings);
     let lines = LineSet::Odd30Hz;
-    let (nominal, amplitude) = (Command::saturating_from_f64(0.5).to_bits(), Command::saturating_from_f64(0.05).to_bits());
+    let (nominal, amplitude) =
+        (Command::saturating_from_f64(0.5).to_bits(), Command::saturating_from_f64(0.05).to_bits());
     let excite = Request::Excite(ExciteRequest { motor: 0, lines, nominal, amplitude, periods: 10 });
     assert_eq!(flight.rig.ask(&excite), Message::Done);
     for _ in 0..50 {
@@ -306,7 +308,10 @@ fn neither_an_injection_nor_an_excitation_goes_on() {
     assert_eq!(flight.widths(), [0; MOTORS]);
 
     let mut flight = Flight::new(&settings);
-    assert_eq!(flight.rig.ask(&Request::SetMode { motor: 0, source: Source::Inject, compensate: false }), Message::Done);
+    assert_eq!(
+        flight.rig.ask(&Request::SetMode { motor: 0, source: Source::Inject, compensate: false }),
+        Message::Done
+    );
     for n in 0..12 {
         let level = if n == 0 { 0 } else { Command::saturating_from_f64(0.5).to_bits() };
         let samples: Vec<i32> = vec![level; 100];

@@ -6,8 +6,8 @@ use host_tests::{OMEGA_G_RAD_S, cases, paper_curve, paper_design};
 use proptest::prelude::*;
 use rotorlead::compensator::{CommandRange, Filter, InverseFilter};
 use rotorlead::controller::{FilterError, filters};
-use rotorlead::dshot::Value;
 use rotorlead::design::{CurvePoint, DesignError, InverseDesign, InverseError, LeadDesign, RotorCurve};
+use rotorlead::dshot::Value;
 use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
     CompensatorKind, ExcitationLimits, HIGHEST_IDLE, Inverse, Key, Lead, Levels, MOTORS, MotorSettings, NoSignal,

@@ -24,7 +24,8 @@ fn flight(image: Run, width_us: impl Fn(f64) -> Option<f64>) -> Run {
         let since_ms = |n: u64| (n * PERIOD) as f64 / ms(1.0) as f64 - ARMED as f64 / ms(1.0) as f64;
         let width = |n: u64| if since_ms(n) < 0.0 { Some(1000.0) } else { width_us(since_ms(n)) };
         let count = (0..end / PERIOD).take_while(|&n| width(n).is_some()).count() as u64;
-        run.inputs.extend(pulses(INPUT_1 + motor, us(500.0), PERIOD, count * PERIOD, |n| us(width(n).unwrap_or(1000.0))));
+        run.inputs
+            .extend(pulses(INPUT_1 + motor, us(500.0), PERIOD, count * PERIOD, |n| us(width(n).unwrap_or(1000.0))));
     }
     run
 }
@@ -42,7 +43,8 @@ fn ask(run: &mut Run, after_ms: f64) {
 
 fn info(trace: &Trace) -> Info {
     let mut receiver = Receiver::<Message>::new();
-    let answers: Vec<_> = trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect();
+    let answers: Vec<_> =
+        trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect();
     let [Message::Info(info)] = &answers[..] else { panic!("{answers:?}") };
     *info
 }
