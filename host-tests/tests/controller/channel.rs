@@ -128,7 +128,7 @@ fn a_steady_1030_us_never_arms_and_never_becomes_an_idle_pulse() {
 fn a_command_that_trembles_about_the_threshold_arms_once() {
     let mut channel = fresh();
     channel.tick(live(0.0));
-    let mut tremble = |channel: &mut Channel| {
+    let tremble = |channel: &mut Channel| {
         (0..1000)
             .map(|n| {
                 channel.tick(live(if n % 2 == 0 { 0.0501 } else { 0.0499 }));

@@ -248,7 +248,9 @@ fn settings_are_neither_set_nor_saved_while_a_motor_turns_and_its_output_does_no
     // Motor 3 is the one that turns.
     let only_3 = |signal| [Signal::Nothing, Signal::Nothing, Signal::Nothing, signal];
     rig.hardware.run(only_3(low));
-    (0..HOLD_TICKS + 4).for_each(|_| drop(rig.hardware.run(only_3(high))));
+    for _ in 0..HOLD_TICKS + 4 {
+        rig.hardware.run(only_3(high));
+    }
     let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
     for signal in [high, Signal::Unchanged, lost] {
         let outputs = rig.hardware.run(only_3(signal));
@@ -382,7 +384,9 @@ fn info_shows_what_is_in_each_path_and_how_often_pulses_come_and_go() {
     let level = rig.as_measured(0.5).to_bits();
     assert_eq!((path.command, path.output), (level, level));
     let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
-    (0..2 * STOP_PULSE_TICKS).for_each(|_| drop(rig.tick_one(lost)));
+    for _ in 0..2 * STOP_PULSE_TICKS {
+        rig.tick_one(lost);
+    }
     assert_eq!(paths(&mut rig)[0], Path::SILENT);
 }
 

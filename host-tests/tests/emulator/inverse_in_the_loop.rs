@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 
 use host_tests::emulator::{HostLate, Machine, Start, image, keeping_up};
 use host_tests::{EscFrames, TABLE_1, gain_at, paper_curve, pole_at};
-use rotorlead::channel::Input;
 use rotorlead::compensator::Filter;
 use rotorlead::controller::{channels, filters};
 use rotorlead::design::RotorCurve;

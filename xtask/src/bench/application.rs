@@ -56,9 +56,8 @@ const BUSY_BYTES: u32 = 4;
 /// Other interrupts that may have begun before they are alone.
 const LAST_OTHERS: u32 = 2;
 
-/// Ticks of an excitation that are measured: so many where they take as long, and otherwise more. And those after which it must play.
-const ALIKE_TICKS: u32 = 2;
-const EXCITATION_TICKS: u32 = 12;
+/// Ticks of an excitation that are measured: a round of what is not done in every tick. And those after which it must play.
+const EXCITATION_TICKS: u32 = 6;
 const RAMP_TICKS: u32 = 100;
 /// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
 const EXCITATION_RATE_HZ: u32 = 1000;
@@ -99,11 +98,6 @@ impl Costs {
         if cost.instructions > self.worst.instructions {
             self.worst = cost;
         }
-    }
-
-    /// Whether each takes as many instructions as the others.
-    fn are_alike(&self) -> bool {
-        self.instructions == self.runs * self.worst.instructions
     }
 
     /// Mean number of instructions.
@@ -313,7 +307,7 @@ fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lin
     let mut inputs = Inputs::default();
     let mut costs = Costs::default();
     let mut ticks = 0;
-    while costs.runs < if costs.are_alike() { ALIKE_TICKS } else { EXCITATION_TICKS } {
+    while costs.runs < EXCITATION_TICKS {
         let at = debugger.run()?.pc();
         let back = interrupted_at(&mut debugger)?;
         let cost = trace(&mut debugger, image, &[back, handlers.tick, handlers.capture, handlers.link], &mut inputs)?;
