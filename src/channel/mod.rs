@@ -245,6 +245,13 @@ impl Channel {
             (Input::Command(command), _) => self.with_command(command),
             (Input::Unchanged, Mode::Locked | Mode::Armed) => self.with_command(self.command),
             (Input::Unchanged, &Mode::Disarmed { arming }) => self.disarmed(arming),
+            (Input::Unchanged, Mode::Excitation(_)) => {
+                let output = self.excite();
+                if self.last_end == Some(End::PulseInput) {
+                    self.lock_out();
+                }
+                output
+            }
             _ => self.without_command(),
         }
     }
@@ -287,11 +294,16 @@ impl Channel {
             Mode::Excitation(player) => {
                 player.ramp_down(End::PulseInput);
                 let output = self.excite();
-                if matches!(self.mode, Mode::NoSignal) {
-                    self.mode = Mode::Locked;
-                }
+                self.lock_out();
                 output
             }
+        }
+    }
+
+    /// Behind an excitation that is over, while the input is live: it has to be seen disarmed.
+    const fn lock_out(&mut self) {
+        if matches!(self.mode, Mode::NoSignal) {
+            self.mode = Mode::Locked;
         }
     }
 

@@ -323,7 +323,8 @@ fn both_kinds_have_the_slew_limit_of_the_settings() {
     assert!(matches!(error, FilterError::Lead(DesignError::SlewTooSlow { .. })), "{error:?}");
 }
 
-/// The paper's lead asks for 6.3 % per millisecond after a step of 10 %, which ESCs do not follow.
+/// The paper's lead asks for 6.3 % per millisecond after a step of 10 % (0.1 omega_f^2 / omega_z), which over a tick is 6.1; ESCs do not
+/// follow that.
 #[test]
 fn a_step_asks_for_no_more_than_the_slew() {
     let highest_per_ms = |design: LeadDesign| {
@@ -334,7 +335,7 @@ fn a_step_asks_for_no_more_than_the_slew() {
         5.0 * from_start.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
     };
     let free = highest_per_ms(paper_design());
-    assert!((free - 0.063).abs() < 0.001, "{free}");
+    assert!((free - 0.0613).abs() < 0.0005, "{free}");
     let limited = highest_per_ms(paper_design().with_slew(20.0).unwrap());
     assert!((0.0199..=0.02).contains(&limited), "{limited}");
 }

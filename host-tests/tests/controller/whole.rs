@@ -706,7 +706,7 @@ fn an_injection_that_ends_has_its_stop_pulses_unless_it_had_none() {
 
 #[test]
 fn a_host_that_goes_quiet_at_the_leads_peak_leaves_its_command_and_not_the_peak() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::with(Settings { slew_per_s: 0.0, ..Settings::default() });
     assert_eq!(rig.ask(&Request::SetMode { motor: 0, source: Source::Inject, compensate: true }), Message::Done);
     let samples: Vec<f64> = [0.0].into_iter().chain([0.4; 5]).chain([0.5; 60]).collect();
     rig.send(&inject(0, &samples));
