@@ -96,10 +96,9 @@ impl<H: ControlHardware> Control<H> {
         Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor, recorder }
     }
 
-    /// With memory that survives a reset, in which it keeps what a flight needs to go on.
-    #[must_use]
-    pub fn with_memory(self, memory: Option<&'static ResumeMemory>) -> Self {
-        Self { recorder: FlightRecorder::new(memory), ..self }
+    /// Memory that survives a reset, in which it keeps what a flight needs to go on.
+    pub(super) fn set_memory(&mut self, memory: Option<&'static ResumeMemory>) {
+        self.recorder = FlightRecorder::new(memory);
     }
 
     /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.

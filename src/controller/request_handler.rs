@@ -64,10 +64,9 @@ impl<F: NorFlash> RequestHandler<F> {
         Self { settings, origin, store, queues, injectors, recorder, stopping, pending, memory, resumed }
     }
 
-    /// With memory that survives a reset, in which it keeps the settings, and with the motors that have gone on after this one.
-    #[must_use]
-    pub fn with_memory(self, memory: Option<&'static ResumeMemory>, resumed: [bool; MOTORS]) -> Self {
-        Self { memory, resumed, ..self }
+    /// Memory that survives a reset, in which it keeps the settings, and the motors that have gone on after this one.
+    pub(super) const fn set_memory(&mut self, memory: Option<&'static ResumeMemory>, resumed: [bool; MOTORS]) {
+        (self.memory, self.resumed) = (memory, resumed);
     }
 
     /// The settings in use.

@@ -183,6 +183,7 @@ impl ResumeMemory {
     // --- Settings -----------------------------------------------------------------------------------------------------
 
     /// Keeps these, which the controller runs with from now on. Every motor is at rest.
+    #[inline(never)]
     pub(super) fn write_settings(&self, settings: &Settings, origin: Origin, filters: &[Filter; MOTORS]) {
         self.settings_crc.store(NO_SETTINGS, Relaxed);
         let mut bytes = [0; SETTINGS_BYTES];
@@ -211,6 +212,7 @@ impl ResumeMemory {
         self.settings_crc.store(self.crc(), Relaxed);
     }
 
+    #[inline(never)]
     fn settings(&self) -> Option<(Validated, Origin, [Filter; MOTORS])> {
         let [sources, origin, length, kind, words @ ..] = &self.settings;
         if sources.load(Relaxed) != SOURCES {

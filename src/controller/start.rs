@@ -73,6 +73,8 @@ impl Usable {
 }
 
 /// What goes on after a reset: nothing on clocks that would make other pulses of the same commands.
+// Apart from the start, whose stack holds the controller in the making.
+#[inline(never)]
 fn resume(source: &ResumeSource, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<(Validated, Origin, Usable)> {
     let resumption = source.memory.take(facts.reset, source.is_debugged)?;
     let usable = Usable::resumed(&resumption, facts, tells_pulses_apart).filter(|_| tells_pulses_apart)?;
@@ -80,6 +82,7 @@ fn resume(source: &ResumeSource, facts: &BoardFacts, tells_pulses_apart: bool) -
 }
 
 /// Settings from the flash, with their filters.
+#[inline(never)]
 fn load<F: NorFlash>(
     store: &mut Store<F>,
     facts: &BoardFacts,
@@ -132,12 +135,15 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     let motors = motors.map(|(channel, (inject, outputs))| Motor::new(channel, MotorQueues { inject, outputs }));
     let tick = Tick::new(motors, outputs, plan.input_scale, settings.loop_rate_hz, samples_in);
     let queues = HandlerQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
-    Started {
+    let mut started = Started {
         inputs: Inputs::new(capture, plan.input.timing()),
-        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz).with_memory(memory),
-        handler: RequestHandler::new(settings, origin, store, queues).with_memory(memory, resumed),
+        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz),
+        handler: RequestHandler::new(settings, origin, store, queues),
         origin,
-    }
+    };
+    started.control.set_memory(memory);
+    started.handler.set_memory(memory, resumed);
+    started
 }
 
 fn unzip<A, B>(pairs: [(A, B); MOTORS]) -> ([A; MOTORS], [B; MOTORS]) {

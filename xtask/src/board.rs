@@ -92,7 +92,7 @@ pub const RP2040: Board = Board {
     binary: "rotorlead-rp2040",
     // A Cortex-M0+.
     target: "thumbv6m-none-eabi",
-    ram: 0x2000_A000..0x2004_2000,
+    ram: 0x2000_E000..0x2004_2000,
     // The second stage of the boot, the image, and two sectors of 4 KiB for the settings.
     flash: FlashMap {
         image: 0x1000_0000..0x101F_E000,
