@@ -128,9 +128,8 @@ impl<'a> Board<'a> {
             }
             let motor = usize::from(edge.pin - INPUT_1);
             if let Some(line) = board.control.hardware_mut().input_line {
-                if let Some(word) = self.words[motor].edge(edge, line.speed) {
-                    board.control.hardware_mut().words[motor].push_back(word);
-                }
+                let word = self.words[motor].edge(edge, line.speed);
+                board.control.hardware_mut().words[motor].extend(word);
             }
         }
         while let Some(stamp) = self.stamps.get(self.stamps_seen).filter(|stamp| stamp.made < now) {

@@ -57,7 +57,7 @@ fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
             .collect();
         let mut spikes = toggles(us(1000.0) as f64 / rate_khz, us(width_us), end, 1 + u64::from(motor));
         spikes.retain(|time| *time > first * period);
-        if spikes.len() % 2 != 0 {
+        if !spikes.len().is_multiple_of(2) {
             spikes.remove(0);
         }
         let pin = INPUT_1 + motor;

@@ -117,6 +117,8 @@ pub struct Interrupts {
     pub tick_arming: Costs,
     /// The same two with the inverse in each path.
     pub tick_4ch_inverse: Costs,
+    /// [`Self::tick_4ch`] with a lead that has a slew limit.
+    pub tick_4ch_slew: Costs,
     pub tick_arming_inverse: Costs,
     /// The capture of an edge of one input, and of edges of all four at once.
     pub capture_1: Costs,
@@ -164,12 +166,15 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let four = stand.fly_armed(four)?;
     let (link_byte, link_both) = stand.link_bytes()?;
     drop(stand);
-    let inverse = measure_inverse(image_path, image)?;
+    let slew = Settings { slew_per_s: Settings::default().slew_per_s, ..flight_settings() };
+    let slew = measure_limited(image_path, image, &slew)?;
+    let inverse = measure_limited(image_path, image, &with_inverse(flight_settings())?)?;
     let (requests, requests_at_rest) = measure_requests(image_path, image)?;
     Ok(Interrupts {
         tick_1ch: one.ticks,
         tick_4ch: four.ticks,
         tick_arming: four.arming,
+        tick_4ch_slew: slew.ticks,
         tick_4ch_inverse: inverse.ticks,
         tick_arming_inverse: inverse.arming,
         capture_1: one.captures,
@@ -192,9 +197,9 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     })
 }
 
-/// Settings of a flight with the lead in every path, and a hold that is soon earned.
+/// Settings of a flight with the lead without a slew limit in every path, and a hold that is soon earned.
 fn flight_settings() -> Settings {
-    let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
+    let mut settings = Settings { input: INPUT, output: OUTPUT, slew_per_s: 0.0, ..Settings::default() };
     settings.motors.iter_mut().for_each(|motor| (motor.compensate, motor.hold_ms) = (true, HOLD_MS));
     settings
 }
@@ -204,14 +209,15 @@ pub(super) fn with_inverse(mut settings: Settings) -> Result<Settings> {
     let points = PAPER_POLES_RAD_S.map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole });
     let curve = RotorCurve::through(&points).map_err(|error| error.to_string())?;
     settings.compensator = CompensatorKind::Inverse;
+    settings.slew_per_s = Settings::default().slew_per_s;
     settings.motors.iter_mut().for_each(|motor| motor.curve = Some(curve));
     Ok(settings)
 }
 
-/// Ticks of four motors with the inverse in every path. The commands step by more than the slew allows in a tick, so that it
-/// limits some outputs.
-fn measure_inverse(image_path: &Path, image: &Image) -> Result<Flight> {
-    let mut stand = Stand::new(image_path, image, &with_inverse(flight_settings())?)?;
+/// Ticks of four motors with a slew limit in every path. The commands step by more than it allows in a tick, so that it limits
+/// some outputs.
+fn measure_limited(image_path: &Path, image: &Image, settings: &Settings) -> Result<Flight> {
+    let mut stand = Stand::new(image_path, image, settings)?;
     let four = [true; INPUTS];
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
     stand.fly_armed(four)
