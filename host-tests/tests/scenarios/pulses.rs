@@ -74,9 +74,11 @@ fn bits(command: f64) -> i32 {
     Command::saturating_from_f64(command).to_bits()
 }
 
-/// Standard PWM in and out, filtered where `compensate`.
+/// Standard PWM in and out, by a lead without a slew limit where `compensate`.
 fn standard(compensate: bool) -> Settings {
-    let mut settings = Settings::default();
+    let pulse = |frame_hz| PulseSettings { protocol: PulseProtocol::StandardPwm, frame_hz };
+    let (input, output) = (pulse(400), pulse(450));
+    let mut settings = Settings { input, output, slew_per_s: 0.0, ..Settings::default() };
     settings.motors.iter_mut().for_each(|motor| motor.compensate = compensate);
     settings
 }

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead::settings::{Pulse, PulseProtocol};
-use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency};
+use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency, STANDARD_FRAMES_HZ};
 use rotorlead_results::protocol_name;
 
 use super::WrongUse;
@@ -68,11 +68,10 @@ impl From<PulseName> for PulseProtocol {
     }
 }
 
-/// Frames per second in and out unless given. Those of standard PWM are a controller's defaults, and those of a raw duty
-/// the paper's.
+/// Frames per second in and out unless given. Those of a raw duty are the paper's.
 const fn default_frames_hz(protocol: PulseProtocol) -> (u16, u16) {
     match protocol {
-        PulseProtocol::StandardPwm => (400, 450),
+        PulseProtocol::StandardPwm => (STANDARD_FRAMES_HZ[0], STANDARD_FRAMES_HZ[1]),
         PulseProtocol::OneShot125 => (2000, 2400),
         PulseProtocol::RawDuty => (600, 600),
         PulseProtocol::Dshot150 | PulseProtocol::Dshot300 | PulseProtocol::Dshot600 => (4000, 5000),
@@ -164,11 +163,5 @@ mod tests {
             assert_eq!(settings.input.protocol, PulseProtocol::from(*protocol));
             assert_eq!(protocol_name(settings.input.protocol), name.get_name());
         }
-    }
-
-    #[test]
-    fn default_frames_are_those_of_a_controller() {
-        let Settings { input, output, .. } = Settings::default();
-        assert_eq!(default_frames_hz(input.protocol), (input.frame_hz, output.frame_hz));
     }
 }

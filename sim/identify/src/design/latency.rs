@@ -71,6 +71,10 @@ pub struct Latency {
     pub output_frame: Delay,
 }
 
+/// Pulses of standard PWM that come and go in a second unless told otherwise: as the slowest of the usual flight controllers sends them, and
+/// as fast as many an ESC takes them.
+pub const STANDARD_FRAMES_HZ: [u16; 2] = [400, 450];
+
 impl Latency {
     /// For these pulses and this loop. The output follows the input where a controller with these settings lets it.
     ///
@@ -86,10 +90,14 @@ impl Latency {
         Ok(Self::of(&settings.validate()?, loop_rate_hz))
     }
 
-    /// With a controller's default pulses.
+    /// With the pulses of the slowest of the usual flight controllers, [`STANDARD_FRAMES_HZ`].
     #[must_use]
     pub fn standard(loop_rate_hz: f64) -> Self {
-        Self::of(&Validated::default(), loop_rate_hz)
+        let [input, output] =
+            STANDARD_FRAMES_HZ.map(|frame_hz| Pulse { protocol: PulseProtocol::StandardPwm, frame_hz });
+        let settings = Settings { input, output, ..Settings::default() };
+        // They are valid: a test holds them to it.
+        Self::of(&settings.validate().unwrap_or_default(), loop_rate_hz)
     }
 
     fn of(settings: &Validated, loop_rate_hz: f64) -> Self {
