@@ -55,10 +55,15 @@ fn level_through_the_image((nominal, ..): (f64, f64, f64)) -> Result<(), HostLat
 
     let (_emulator, address) = Machine::serve(&image());
     let device = ["device", "--port", &address, "--timeout", "30"];
-    // The emulated time runs ahead of the host. With the first settings that somebody chooses there may be pulses.
+    // The emulated time runs ahead of the host. With the first settings that somebody chooses there may be pulses. A bandwidth is one number
+    // without the slew limit.
     rotorlead(
         folder.path(),
-        &[&device[..], &["set", "output.protocol", "standard_pwm", "motor.*.hold_ms", "1000"]].concat(),
+        &[
+            &device[..],
+            &["set", "output.protocol", "standard_pwm", "motor.*.hold_ms", "1000", "output.slew_per_s", "0"],
+        ]
+        .concat(),
     )?;
     let words = [&device[..], &["inject", "--compensate", "true"]].concat();
     let files = ["--model", "@model.toml", "--plan", "@plan.toml", "--out", "@pil"];
