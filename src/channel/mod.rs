@@ -160,7 +160,8 @@ pub struct Channel {
     settings: ChannelSettings,
     /// Stop pulses that are still to come, in ticks, while the motor is at rest without a disarmed command.
     stop_ticks_left: u32,
-    /// Ticks since the output was last something else than a stop pulse or none, up to the highest value: that of one that never was.
+    /// Ticks since the output was last something else than a stop pulse or none, or the command one that should turn the motor, up to
+    /// the highest value: that of a channel that has seen neither.
     rest_ticks: u32,
     last_end: Option<End>,
     /// Excitations that ended because the host was silent; wraps.
@@ -289,7 +290,10 @@ impl Channel {
             }
             Mode::NoSignal | Mode::Locked | Mode::Lost => {
                 self.mode = Mode::Locked;
-                self.rest()
+                let output = self.rest();
+                // The motor stands, but somebody means to fly.
+                self.rest_ticks = 0;
+                output
             }
             Mode::Excitation(player) => {
                 player.ramp_down(End::PulseInput);

@@ -178,7 +178,14 @@ impl OutputPlan {
     /// Pulses or frames in a second, where so many come in.
     pub(super) const fn frame_hz(&self, input_hz: u32, loop_rate_hz: u32) -> u32 {
         match self {
-            Self::Dshot { rate: FrameRate::Relayed(_), .. } => input_hz,
+            // Throttles that come in one tick go out as one.
+            Self::Dshot { rate: FrameRate::Relayed(_), .. } => {
+                if input_hz < loop_rate_hz {
+                    input_hz
+                } else {
+                    loop_rate_hz
+                }
+            }
             Self::Dshot { rate: FrameRate::Ticks(ticks), .. } => match loop_rate_hz.checked_div(*ticks) {
                 Some(rate) => rate,
                 None => 0,

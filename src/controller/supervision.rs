@@ -4,7 +4,7 @@
 const IDLE_LIMIT_MS: u32 = 20_000;
 /// How long every motor must have been at rest before a hung lowest priority ends in a reset, milliseconds: a pilot who cuts the
 /// throttle in the air for a moment is still flying.
-const REST_LIMIT_MS: u32 = 2000;
+const REST_LIMIT_MS: u32 = crate::link::REST_MS;
 /// Turns for what need not be done in every tick, per second, at the most: at the least half as many, and half as many as ticks.
 const TURNS_HZ: u32 = 5000;
 

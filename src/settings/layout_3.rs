@@ -48,9 +48,10 @@ struct Motor3 {
 }
 
 impl Settings3 {
-    /// The same settings in today's layout. A lead has the ESC's slew now, too.
+    /// The same settings in today's layout. A lead has the ESC's slew now, too: the default, since it had none then.
     pub fn migrate(self) -> Settings {
         let Self { loop_rate_hz, compensator, lead, input, output, stop, no_signal, stop_pulses_ms, .. } = self;
+        let today = Settings::default();
         let Inverse3 { natural_rad_s, damping, slew_per_s, compensate_from, compensate_to } = self.inverse;
         Settings {
             loop_rate_hz,
@@ -59,14 +60,14 @@ impl Settings3 {
             inverse: Inverse { natural_rad_s, damping, compensate_from, compensate_to },
             input,
             output,
-            slew_per_s,
+            slew_per_s: if compensator == CompensatorKind::Lead { today.slew_per_s } else { slew_per_s },
             stop,
             no_signal,
             stop_pulses_ms,
             motors: self.motors.map(Motor3::migrate),
             excitation: self.excitation,
             recorder_divisor: self.recorder_divisor,
-            ..Settings::default()
+            ..today
         }
     }
 }

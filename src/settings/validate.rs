@@ -167,8 +167,8 @@ impl fmt::Display for Warning {
             ),
             Self::FramesCannotFollow => write!(
                 f,
-                "output.frame_hz is not above input.frame_hz: output frames cannot follow the input's, and a command \
-                 waits for up to a whole frame; raise output.frame_hz by some percent if the ESC allows it"
+                "output frames, which come at output.frame_hz and of DShot in whole control ticks, cannot follow the input's, and a \
+                 command waits for up to a whole frame; raise output.frame_hz by some percent if the ESC allows it"
             ),
             Self::LowArming => write!(
                 f,
@@ -415,13 +415,19 @@ impl Settings {
             slow_input: slow(self.input),
             // Frames that are relayed come as often as the input's.
             slow_output: !self.relays_frames() && slow(self.output),
-            cannot_follow: self.output.protocol != PulseProtocol::RawDuty
-                && self.output.protocol.dshot().is_none()
-                && self.output.frame_hz <= self.input.frame_hz,
+            cannot_follow: match self.output.protocol.dshot() {
+                // One frame in whole control ticks.
+                Some(_) => {
+                    !self.has_frames() && self.loop_rate_hz / self.frame_ticks(self.output) < self.input.frame_hz.into()
+                }
+                None => self.output.protocol != PulseProtocol::RawDuty && self.output.frame_hz <= self.input.frame_hz,
+            },
             // A frame is a number: no clock makes a stop of it that is none.
             low_arming: !self.has_frames() && self.any_level(|levels| levels.arming < LOW_ARMING),
             high_idle: self.any_level(|levels| levels.idle > HIGH_IDLE),
-            levels_above_frames: self.has_frames() && self.motors.iter().any(MotorSettings::has_levels),
+            levels_above_frames: self.has_frames()
+                && (self.any_level(|levels| levels.disarming > Levels::FRAMES.disarming)
+                    || self.motors.iter().any(MotorSettings::has_levels)),
             pulses_outrun_ticks: !self.has_frames() && u32::from(self.input.frame_hz) >= self.loop_rate_hz,
         }
     }

@@ -49,7 +49,8 @@ impl Flight {
         for _ in 0..ticks {
             self.tick += 1;
             let readings = commands.map(|command| {
-                let signal = if self.tick % FRAME_TICKS == 0 { self.rig.pulse(command) } else { Signal::Unchanged };
+                let signal =
+                    if self.tick.is_multiple_of(FRAME_TICKS) { self.rig.pulse(command) } else { Signal::Unchanged };
                 Reading::from(signal)
             });
             self.rig.hardware.board.control.run(readings, idle_ran);

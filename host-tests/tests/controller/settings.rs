@@ -615,7 +615,6 @@ fn settings_of_the_third_layout_are_migrated_and_a_dshot_input_loses_the_levels_
         lead: Lead { omega_z_rad_s: 14.0, omega_f_rad_s: 100.0, damping: 0.75 },
         input: line,
         output: line,
-        slew_per_s: 40.0,
         recorder_divisor: 7,
         ..Settings::default()
     };

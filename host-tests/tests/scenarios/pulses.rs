@@ -50,12 +50,12 @@ pub fn swap_inputs(play: &mut Play) {
     }
 }
 
-/// A fall of the first input does not come, 9 ms after the start.
+/// A fall of the first input does not come, 19 ms after the start.
 pub fn lose_edge(play: &mut Play) {
-    lose_fall(play, STARTED + ms(9.0));
+    lose_fall(play, STARTED + ms(19.0));
 }
 
-/// The same 3 ms after the start, among instructions.
+/// The same 3 ms after the start, among instructions and before a motor is armed.
 pub fn lose_bit(play: &mut Play) {
     lose_fall(play, STARTED + ms(3.0));
 }

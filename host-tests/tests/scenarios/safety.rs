@@ -327,6 +327,8 @@ fn glitches(target: &dyn Target) -> Proof {
     hold(late.len() >= 18, || format!("{} pulses", late.len()))?;
     let wrong = late.iter().find(|pulse| pulse.width != us(1500.0));
     hold(wrong.is_none(), || format!("{wrong:?}"))?;
+    let gap = late.windows(2).find(|pair| pair[1].rise - pair[0].rise > PERIOD + us(250.0));
+    hold(gap.is_none(), || format!("none goes out between {gap:?}"))?;
     let faults = outcome.faults()?.motors[0];
     println!("  {faults:?}");
     hold(faults.missing_edges == 0 && faults.out_of_range == 0, || format!("{faults:?}"))?;

@@ -125,8 +125,8 @@ fn info(session: &mut Session) -> miette::Result<Outcome> {
         writeln!(text, "motor {motor}: {state:?}, {}", path_text(path)).into_diagnostic()?;
         if path.leaves_pulses_over() {
             let what = format!(
-                "motor {motor}: of {} pulses a second that come, {} go out; raise output.frame_hz if the ESC allows it, or \
-                 lower the flight controller's rate",
+                "motor {motor}: of {} pulses a second that come, {} go out; raise output.frame_hz (DShot: \
+                 loop_rate_hz) if the ESC allows it, or lower the flight controller's rate",
                 path.input_hz, path.output_hz
             );
             text.push_str(&warning_lines(&what));
