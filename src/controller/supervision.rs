@@ -146,7 +146,7 @@ mod tests {
             self.tick = self.tick.wrapping_add(1);
             if self.supervisor.tick(idle_ran, false) {
                 self.turns += 1;
-                if self.turns % TURNS == 0 {
+                if self.turns.is_multiple_of(TURNS) {
                     self.supervisor.review(self.tick, is_flown);
                 }
                 self.is_fed = self.supervisor.turn();

@@ -124,7 +124,7 @@ fn a_lowest_priority_that_hangs_in_flight_is_counted_and_resets_nothing() {
     assert!(feeds >= 30 * LOOP_HZ, "{feeds} in 60 s");
     assert_eq!(flight.faults().idle_hangs, 1);
     // On the ground the reset that mends it comes.
-    flight.fly(3 * LOOP_HZ, [0.0; MOTORS], false);
+    flight.fly(4 * LOOP_HZ, [0.0; MOTORS], false);
     let before = flight.feeds();
     flight.fly(LOOP_HZ, [0.0; MOTORS], false);
     assert_eq!(flight.feeds(), before, "fed at rest");
