@@ -58,7 +58,7 @@ const NO_SETTINGS: u32 = 0;
 const NOT_RESET: u32 = u32::MAX;
 const FIRST_RESET: u32 = u32::MAX - 1;
 
-/// Memory that survives a reset, and what the controller keeps there. See the [module](self).
+/// Memory that survives a reset, and what the controller keeps there; `resume.rs` says in which form.
 #[repr(C)]
 pub struct ResumeMemory {
     settings: [AtomicU32; SETTINGS_WORDS],

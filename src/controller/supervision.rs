@@ -64,7 +64,7 @@ impl Supervisor {
     }
 
     /// One tick. `idle_ran`: the lowest priority has run since the last one. `is_long`: this tick had new commands to work on. Whether
-    /// a turn is due: at [`TURNS_HZ`], but in a tick that is long only where it has waited for as long again.
+    /// a turn is due: at `TURNS_HZ`, but in a tick that is long only where it has waited for as long again.
     #[inline]
     pub const fn tick(&mut self, idle_ran: bool, is_long: bool) -> bool {
         self.idle_ran |= idle_ran;
@@ -194,7 +194,7 @@ mod tests {
                 assert_eq!(task.unfed(true, rate), None);
             }
             // Landed.
-            within(task.unfed(false, 3 * rate), 2);
+            within(task.unfed(false, 4 * rate), 3);
         }
     }
 

@@ -153,7 +153,7 @@ impl Receiver {
         self.relay.next(newest)
     }
 
-    /// Valid frames in a second, where [`Self::read`] is called so often: those of the last [`COUNTED_POLLS`] calls.
+    /// Valid frames in a second, where [`Self::read`] is called so often: those of the last `COUNTED_POLLS` calls.
     #[must_use]
     pub const fn frame_hz(&self, polls_hz: u32) -> u32 {
         // Of 65535 frames at most, and rates up to 10 kHz.
