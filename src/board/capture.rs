@@ -87,24 +87,36 @@ impl CaptureTimer for Capture {
 
     #[inline]
     fn take(&mut self) -> [Option<Edge>; MOTORS] {
-        let status = self.timer.sr().read();
-        let levels = self.port.idr().read();
-        // Reading a capture register clears its flag. An overcapture is cleared by writing 0, and 1 leaves a flag alone.
-        let edge = |captured: bool, overcapture: bool, register: &tim2::CCR, high: bool| {
-            captured.then(|| Edge { timestamp: register.read().bits(), is_high: high, overcapture })
-        };
         let timer = &self.timer;
-        let edges = [
-            edge(status.cc1if().bit(), status.cc1of().bit(), timer.ccr1(), levels.idr0().bit()),
-            edge(status.cc2if().bit(), status.cc2of().bit(), timer.ccr2(), levels.idr1().bit()),
-            edge(status.cc3if().bit(), status.cc3of().bit(), timer.ccr3(), levels.idr2().bit()),
-            edge(status.cc4if().bit(), status.cc4of().bit(), timer.ccr4(), levels.idr3().bit()),
+        let captured = timer.sr().read();
+        // Reading a capture register clears its flag.
+        let stamp = |captured: bool, register: &tim2::CCR| captured.then(|| register.read().bits());
+        let stamps = [
+            stamp(captured.cc1if().bit(), timer.ccr1()),
+            stamp(captured.cc2if().bit(), timer.ccr2()),
+            stamp(captured.cc3if().bit(), timer.ccr3()),
+            stamp(captured.cc4if().bit(), timer.ccr4()),
         ];
-        self.timer.sr().write(|w| {
-            w.cc1of().bit(!status.cc1of().bit());
-            w.cc2of().bit(!status.cc2of().bit());
-            w.cc3of().bit(!status.cc3of().bit());
-            w.cc4of().bit(!status.cc4of().bit())
+        // Only now: an edge that came before its stamp was read has overwritten the one before. One that comes later has an interrupt of
+        // its own, and a level that is read behind it does not go with the stamp, so that the decoder misses an edge.
+        let status = timer.sr().read();
+        let levels = self.port.idr().read();
+        let edge = |timestamp: Option<u32>, overcapture: bool, is_high: bool| {
+            timestamp.map(|timestamp| Edge { timestamp, is_high, overcapture })
+        };
+        let edges = [
+            edge(stamps[0], status.cc1of().bit(), levels.idr0().bit()),
+            edge(stamps[1], status.cc2of().bit(), levels.idr1().bit()),
+            edge(stamps[2], status.cc3of().bit(), levels.idr2().bit()),
+            edge(stamps[3], status.cc4of().bit(), levels.idr3().bit()),
+        ];
+        // An overcapture that was told is cleared by writing 0, and 1 leaves a flag alone.
+        let told = edges.map(|edge| edge.is_some_and(|edge| edge.overcapture));
+        timer.sr().write(|w| {
+            w.cc1of().bit(!told[0]);
+            w.cc2of().bit(!told[1]);
+            w.cc3of().bit(!told[2]);
+            w.cc4of().bit(!told[3])
         });
         edges
     }

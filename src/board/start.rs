@@ -41,6 +41,7 @@ impl Board {
     /// Sets everything up. Interrupts are off meanwhile.
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         let reset = postmortem::take(&device.RCC);
+        postmortem::resume_source().memory.begin_start();
         let watchdog = IndependentWatchdog::new(device.IWDG);
         // A core that a debug probe halts must not leave the last pulses running: the reset comes all the same.
         watchdog.stop_on_debug(&device.DBGMCU, false);

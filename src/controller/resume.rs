@@ -57,6 +57,8 @@ const NO_SETTINGS: u32 = 0;
 /// What the word of the resets says otherwise: how many milliseconds before this start the one before was reset.
 const NOT_RESET: u32 = u32::MAX;
 const FIRST_RESET: u32 = u32::MAX - 1;
+/// That a start is under way.
+const STARTING: u32 = 0x57A4_7196;
 
 /// Memory that survives a reset, and what the controller keeps there; `resume.rs` says in which form.
 #[repr(C)]
@@ -68,6 +70,8 @@ pub struct ResumeMemory {
     rounds: AtomicU32,
     /// The resets before, and its complement.
     resets: [AtomicU32; 2],
+    /// [`STARTING`] from the beginning of a start until it has taken what stands here.
+    start: AtomicU32,
 }
 
 /// Where a board keeps its [`ResumeMemory`].
@@ -139,7 +143,17 @@ impl ResumeMemory {
             flights: [const { [const { AtomicU32::new(0) }; FLIGHT_WORDS] }; 2],
             rounds: AtomicU32::new(0),
             resets: [const { AtomicU32::new(0) }; 2],
+            start: AtomicU32::new(0),
         }
+    }
+
+    /// A start begins; to be called first thing. One that ended in a reset of its own leaves nothing to go on with: that reset says
+    /// nothing of the flight, and the watchdog is patient with a start, so that the flight may be over for seconds.
+    pub fn begin_start(&self) {
+        if self.start.load(Relaxed) == STARTING {
+            self.clear();
+        }
+        self.start.store(STARTING, Relaxed);
     }
 
     /// Forgets everything: nothing goes on after the next reset. For a firmware that is about to restart on purpose.
@@ -156,6 +170,7 @@ impl ResumeMemory {
     pub(super) fn take(&self, reset: ResetReason, is_debugged: impl FnOnce() -> bool) -> Option<Resumption> {
         let resumption = if is_own_failure(reset) { self.read() } else { None };
         self.clear();
+        self.start.store(0, Relaxed);
         let (resumption, resets) = resumption?;
         if is_debugged() {
             return None;
@@ -624,6 +639,20 @@ mod tests {
                 }
                 assert_eq!(after.take(ResetReason::Watchdog, || false).unwrap().motors, flying(0.7));
             }
+        }
+    }
+
+    /// The watchdog is patient with a start: what its reset finds may be a flight of seconds ago.
+    #[test]
+    fn a_start_that_does_not_come_to_an_end_leaves_nothing_to_the_next() {
+        let memory = kept(&lead(), 7777);
+        memory.begin_start();
+        memory.begin_start();
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none());
+        for _ in 0..2 {
+            keep(&memory, &lead(), 7777);
+            memory.begin_start();
+            assert!(memory.take(ResetReason::Watchdog, || false).is_some(), "one that does leaves what it keeps");
         }
     }
 

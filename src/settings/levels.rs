@@ -30,7 +30,7 @@ impl Levels {
     };
 
     /// Of a motor whose input has frames, or pulses, and whose ESC stops at `stop`. What is not chosen gives way to what is.
-    fn of(motor: &MotorSettings, has_frames: bool, stop: i32) -> Self {
+    fn chosen_or_default(motor: &MotorSettings, has_frames: bool, stop: i32) -> Self {
         let default = if has_frames { Self::FRAMES } else { Self::PULSES };
         let disarming = motor.disarming.unwrap_or(default.disarming.max(stop.saturating_add(1)));
         let lowest_arming = if has_frames { disarming } else { default.arming };
@@ -44,7 +44,7 @@ impl Settings {
     /// The levels of a motor of these settings.
     #[must_use]
     pub fn levels(&self, motor: &MotorSettings) -> Levels {
-        Levels::of(motor, self.has_frames(), self.stop)
+        Levels::chosen_or_default(motor, self.has_frames(), self.stop)
     }
 }
 

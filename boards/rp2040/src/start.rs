@@ -57,6 +57,7 @@ impl Board {
         boot::move_vectors(&mut core.SCB);
         boot::slow_ring_oscillator(&device.ROSC);
         let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET);
+        postmortem::resume_source().memory.begin_start();
         leave_reset(&device.RESETS);
         let pins = Pins::new(device.IO_BANK0, device.PADS_BANK0, device.SIO);
         let outputs = Outputs::new(device.PWM, Pins::steal());

@@ -98,8 +98,8 @@ impl<'a> Input<'a> {
             while let Some(next) = self.next(last).filter(|next| *next <= served) {
                 (last, overcapture) = (next, true);
             }
-            // The pin itself is read, behind no filter.
-            let is_high = level_at(self.line, served);
+            // The pin itself is read, behind no filter, and some reads of registers after the stamp.
+            let is_high = level_at(self.line, served + us(READS_US));
             self.capture.get().edges[0] = Some(Edge { timestamp: last as u32, is_high, overcapture });
             self.inputs.capture();
             self.seen = last;
@@ -129,6 +129,8 @@ struct Outcome {
 }
 
 const COMMANDS_US: [f64; 3] = [0.25, 0.6, 0.8];
+/// From reading a stamp to reading the level of its line: of a lone edge two registers, of which one takes some 12 cycles of 168 MHz.
+const READS_US: f64 = 0.2;
 
 fn play(protocol: Protocol, frame_hz: u32, sent: u64, spikes: &[u64]) -> Outcome {
     let (low_us, span_us) = if protocol == Protocol::StandardPwm { (1000.0, 1000.0) } else { (125.0, 125.0) };
