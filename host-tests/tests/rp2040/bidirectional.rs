@@ -269,8 +269,9 @@ fn each_tick_sends_a_frame_of_throttle_on_where_the_flight_controller_is_faster(
                 let received = flight.starts.iter().filter(|start| seen.contains(start)).count();
                 println!("{loop_rate_hz} Hz, motor {motor}: {sent} frames out, {received} in");
                 if loop_rate_hz > 8_000 {
-                    // One may be cut at either end.
-                    assert!(sent + 2 >= received && sent <= received);
+                    // A line is free 101 us behind a frame, a little later than the next tick: then two go out as one. One may be cut at
+                    // either end.
+                    assert!(50 * sent >= 49 * received && sent <= received);
                 } else {
                     // Those that come in one tick go out as one, and each tick has one: 5 of 8.
                     assert!(sent as f64 > 0.6 * received as f64 && sent < received);
