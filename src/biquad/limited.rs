@@ -39,10 +39,11 @@ impl From<Coefficients> for LimitedCoefficients {
     fn from(section: Coefficients) -> Self {
         let one = 1_i64 << super::COEFFICIENT_BITS;
         let (damping, c) = (-i64::from(section.k), i64::from(section.c));
-        // A checked design has a positive g0. Any other does no harm: the rate is at most 1/2.
-        let first_gain = c + i64::from(section.g0.max(0));
+        // A checked design has a positive g0. Any other does no harm: the rate is at most 1/2. Neither divisor is below 1, by
+        // the limits of `Coefficients`, which the compiler does not see everywhere.
+        let first_gain = (c + i64::from(section.g0.max(0))).max(1);
         let rate = ((c << RETAINED_BITS) + first_gain / 2) / first_gain;
-        let retained = ((damping - rate) << RETAINED_BITS) / (one - damping);
+        let retained = ((damping - rate) << RETAINED_BITS) / (one - damping).max(1);
         Self { section, retained: retained.min(i32::MAX.into()) as i32 }
     }
 }

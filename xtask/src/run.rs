@@ -46,7 +46,7 @@ pub fn command(program: &str, arguments: &[&str]) -> Command {
 pub fn run(command: &mut Command) -> Result {
     announce(command);
     let status = command.status().map_err(|error| format!("{}: {error}", name(command)))?;
-    if status.success() { Ok(()) } else { Err(format!("{} ended with {status}", name(command))) }
+    if status.success() { Ok(()) } else { Err(format!("{} ended with {status}", line(command))) }
 }
 
 /// Runs it, and ends it after `limit`.
@@ -57,12 +57,12 @@ pub fn run_within(command: &mut Command, limit: Duration) -> Result {
     loop {
         match child.try_wait().map_err(|error| error.to_string())? {
             Some(status) if status.success() => return Ok(()),
-            Some(status) => return Err(format!("{} ended with {status}", name(command))),
+            Some(status) => return Err(format!("{} ended with {status}", line(command))),
             None if start.elapsed() > limit => {
                 // It may have ended by itself meanwhile.
                 let _ = child.kill();
                 let _ = child.wait();
-                return Err(format!("{} took longer than {} s", name(command), limit.as_secs()));
+                return Err(format!("{} took longer than {} s", line(command), limit.as_secs()));
             }
             None => std::thread::sleep(Duration::from_millis(100)),
         }
@@ -76,8 +76,13 @@ pub fn output(command: &mut Command) -> Option<String> {
 }
 
 fn announce(command: &Command) {
-    let arguments: Vec<_> = command.get_args().map(|argument| argument.to_string_lossy()).collect();
-    eprintln!("xtask: {} {}", name(command), arguments.join(" "));
+    eprintln!("xtask: {}", line(command));
+}
+
+/// The program and its arguments.
+fn line(command: &Command) -> String {
+    let arguments = command.get_args().map(|argument| argument.to_string_lossy().into_owned());
+    std::iter::once(name(command)).chain(arguments).collect::<Vec<_>>().join(" ")
 }
 
 fn name(command: &Command) -> String {

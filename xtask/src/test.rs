@@ -32,6 +32,9 @@ pub fn all(is_setup: bool) -> Result {
     result
 }
 
+/// How much of what a failed part printed is shown with its error.
+const LAST_LINES: usize = 20;
+
 /// What an edit is tried with: formatting, lints, the unit tests, the controller's tests and those of the command line but for the
 /// browser's.
 pub fn quick() -> Result {
@@ -129,7 +132,10 @@ impl Times {
                     Ok(printed) => print!("{printed}"),
                     Err((printed, error)) => {
                         print!("{printed}");
-                        failed.push(format!("{name}: {error}"));
+                        // Once more at the end, where it is looked for.
+                        let lines: Vec<_> = printed.lines().collect();
+                        let end = lines[lines.len().saturating_sub(LAST_LINES)..].join("\n");
+                        failed.push(format!("{name}: {error}\n{end}"));
                     }
                 }
                 self.add(name, time);
