@@ -36,10 +36,7 @@ mod app {
 
     use defmt_rtt as _;
     use heapless::spsc::{Consumer, Producer, Queue};
-    use rotorlead::controller::{
-        self, Control, ControlHandle, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started,
-        hardware::RequestHardware as _,
-    };
+    use rotorlead::controller::{self, Control, ControlHandle, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started};
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
     use rotorlead::throttle::{Command, EscCommand};
@@ -48,15 +45,14 @@ mod app {
     use crate::board::capture::Capture;
     use crate::board::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
     use crate::board::settings_flash::{COPIES, SettingsFlash};
-    use crate::board::{Board, BoardStatus, ControlParts, PULSES_ARE_EXACT, Queues, postmortem};
-
-    /// Set by the idle task whenever it comes round, and cleared by the control task.
-    static IDLE_RAN: AtomicBool = AtomicBool::new(false);
+    use crate::board::{Board, BoardStatus, Queues, Stm32f405, postmortem};
 
     #[shared]
     struct Shared {
         inputs: Inputs<Capture>,
-        control: Control<ControlParts>,
+        control: Control<Stm32f405>,
+        /// Set by the idle task whenever it comes round, and cleared by the control task.
+        idle_ran: AtomicBool,
     }
 
     #[local]
@@ -82,30 +78,28 @@ mod app {
         let Board { capture, control, serial, flash, status } = Board::new(cx.device, cx.core, queues);
         let facts = status.facts;
         defmt::info!("started: {}", defmt::Debug2Format(&facts));
-        PULSES_ARE_EXACT.store(facts.clocks.tells_pulses_apart(), Ordering::Relaxed);
         let queues = controller::Queues {
             inject: cx.local.inject_queues.each_mut().map(Queue::split),
             outputs: cx.local.output_queues.each_mut().map(Queue::split),
             samples: cx.local.sample_queue.split(),
         };
         let store = Store::new(flash, COPIES);
-        let apart = status.tells_pulses_apart();
         let Started { inputs, control, handler, origin } =
-            controller::start(capture, control, store, &facts, apart, queues, Some(postmortem::resume_source()));
+            controller::start(capture, control, store, &facts, queues, Some(postmortem::resume_source()));
         defmt::info!("settings: {}", defmt::Debug2Format(&origin));
         let local = Local { server: Server::new(handler), status, received, to_send, serial };
-        (Shared { inputs, control }, local)
+        (Shared { inputs, control, idle_ran: AtomicBool::new(false) }, local)
     }
 
-    /// Talks to the host, and does whatever takes long.
-    #[idle(shared = [inputs, control], local = [server, status, received, to_send])]
+    /// Talks to the host, and does whatever takes long. Sleeps where there is nothing to do: a tick or a byte wakes it.
+    #[idle(shared = [inputs, control, &idle_ran], local = [server, status, received, to_send])]
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { server, status, received, to_send, .. } = cx.local;
-        let idle::SharedResources { inputs, mut control, .. } = cx.shared;
+        let idle::SharedResources { inputs, mut control, idle_ran, .. } = cx.shared;
         control.lock(Control::start_ticks);
         let mut board = ControlHandle { inputs, control, hardware: status };
         loop {
-            IDLE_RAN.store(true, Ordering::Relaxed);
+            idle_ran.store(true, Ordering::Relaxed);
             while to_send.ready() {
                 let Some(byte) = server.next_byte() else { break };
                 let _ = to_send.enqueue(byte);
@@ -113,7 +107,9 @@ mod app {
             if to_send.len() > 0 {
                 rtic::pend(Interrupt::USART3);
             }
-            server.poll(|| received.dequeue(), &mut board);
+            if !server.poll(|| received.dequeue(), &mut board) {
+                cortex_m::asm::wfi();
+            }
         }
     }
 
@@ -143,13 +139,13 @@ mod app {
     /// Deadline: the next tick, 200 µs at 5 kHz. When it is missed the outputs repeat their last pulse and the filters
     /// lose a step of time; it is counted and reported as `missed_deadlines`. Two in a row end an excitation. When it is
     /// missed for 20 ms on end the watchdog resets the controller: its pins float, and are pulled down outside.
-    #[task(binds = SysTick, priority = 3, shared = [inputs, control])]
+    #[task(binds = SysTick, priority = 3, shared = [inputs, control, &idle_ran])]
     fn control(mut cx: control::Context) {
         // The captures wait only for this, and not for the filters.
         let readings = cx.shared.inputs.lock(Inputs::poll);
         // No swap: the lowest priority does not run between the two.
-        let idle_ran = IDLE_RAN.load(Ordering::Relaxed);
-        IDLE_RAN.store(false, Ordering::Relaxed);
+        let idle_ran = cx.shared.idle_ran.load(Ordering::Relaxed);
+        cx.shared.idle_ran.store(false, Ordering::Relaxed);
         cx.shared.control.lock(|control| control.run(readings, idle_ran));
     }
 }

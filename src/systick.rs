@@ -6,6 +6,8 @@
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 
+use crate::controller::hardware::TickTimer;
+
 /// Largest count of SysTick: 24 bits.
 const LARGEST_RELOAD: u32 = 0x00FF_FFFF;
 
@@ -22,25 +24,25 @@ impl ControlTimer {
         timer.set_clock_source(SystClkSource::Core);
         Self { timer, core_hz }
     }
+}
 
-    /// Ticks at `rate_hz` (at least 1; the slowest is 10 Hz at 168 MHz), from the next tick on.
-    pub fn set_rate(&mut self, rate_hz: u32) {
+impl TickTimer for ControlTimer {
+    /// The slowest is 10 Hz at 168 MHz.
+    fn set_rate(&mut self, rate_hz: u32) {
         let rate_hz = rate_hz.max(1);
         let period = (self.core_hz + rate_hz / 2) / rate_hz;
         self.timer.set_reload(period.saturating_sub(1).clamp(1, LARGEST_RELOAD));
     }
 
-    /// Starts the ticks.
-    pub fn start(&mut self) {
+    fn start(&mut self) {
         self.timer.clear_current();
         self.timer.enable_interrupt();
         self.timer.enable_counter();
     }
 
-    /// Whether the next tick has become due meanwhile: the deadline was missed. The core itself takes the request back
-    /// when a tick begins.
+    /// The core itself takes the request back when a tick begins.
     #[inline]
-    pub fn is_due(&self) -> bool {
+    fn is_due(&self) -> bool {
         SCB::is_pendst_pending()
     }
 }

@@ -188,11 +188,6 @@ impl Debugger {
         self.command(&format!("P{:x}={low:08x}{high:08x}", FLOAT_REGISTERS + index))
     }
 
-    /// Sets a byte of RAM.
-    pub fn set_byte(&mut self, address: u32, value: u8) -> Result {
-        self.command(&format!("M{address:x},1:{value:02x}"))
-    }
-
     /// Stores a word to a peripheral. QEMU's own writes do not reach them, so the core stores it: with an instruction in
     /// unused RAM, after which everything is as before.
     pub fn store(&mut self, address: u32, value: u32) -> Result {

@@ -7,7 +7,10 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::spsc::Queue;
 use rotorlead::capture::Listening;
 use rotorlead::channel::Channel;
-use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
+use rotorlead::controller::hardware::{
+    CaptureTimer, ControlHardware, ControlParts, Edge, InputFrameHardware, OutputHardware, RequestHardware,
+    ThrustConverter, TickTimer, Watchdog,
+};
 use rotorlead::controller::{
     self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, FrameRates, Inputs, Queues,
     RequestHandler, ResumeSource, Started, Tick,
@@ -80,7 +83,7 @@ impl CaptureTimer for TestCapture {
     }
 }
 
-/// The timer of the outputs, and the rest of what the control task drives. Its counter goes as a test says.
+/// The outputs. The counter of their timer goes as a test says.
 #[derive(Debug, Default)]
 pub struct TestOutputs {
     /// Divider, and counts of a frame.
@@ -99,34 +102,14 @@ pub struct TestOutputs {
     pub time: u64,
     /// Counts for which interrupts keep the control task from ending a frame that it has decided to end.
     pub interrupted: u32,
-    /// Ticks per second.
-    pub tick_rate_hz: u32,
-    /// Whether the next tick is due already.
-    pub tick_due: bool,
-    /// How often the watchdog was fed.
-    pub feeds: u32,
-    /// Whether the watchdog is patient.
-    pub patient: bool,
-    /// What the inputs' lines have, where these have frames.
-    pub input_line: Option<Line>,
-    /// Words at the inputs that were not taken yet.
-    pub words: [VecDeque<Word>; MOTORS],
-    /// Whether inputs have lost words since that was asked last.
-    pub has_lost_words: [bool; MOTORS],
     /// What the outputs' lines have, where these have frames.
-    pub output_line: Option<Line>,
+    pub line: Option<Line>,
     /// Frames that went out.
     pub sent: [Vec<Frame>; MOTORS],
     /// Whether the outputs take no frame now.
     pub is_busy: bool,
-    /// What the converter of the thrust sensor gives.
-    pub conversion: u16,
     /// What the outputs were behind frames, and was not taken yet.
     pub windows: [VecDeque<ReplyWindow>; MOTORS],
-    /// What the inputs have offered, one after the other.
-    pub offers: [Vec<Offer>; MOTORS],
-    /// Whether the last of them went out.
-    pub are_taken: [bool; MOTORS],
 }
 
 impl TestOutputs {
@@ -157,15 +140,15 @@ impl TestOutputs {
     }
 }
 
-impl ControlHardware for TestOutputs {
+impl OutputHardware for TestOutputs {
     fn set_frames(&mut self, divider: u32, counts: u32) {
         self.next_widths = [0; MOTORS];
         self.frames = (divider, counts);
-        self.output_line = None;
+        self.line = None;
     }
 
     fn set_widths(&mut self, counts: [u32; MOTORS]) {
-        assert_eq!(self.output_line, None, "a width for outputs that have frames");
+        assert_eq!(self.line, None, "a width for outputs that have frames");
         self.next_widths = counts;
     }
 
@@ -186,32 +169,43 @@ impl ControlHardware for TestOutputs {
         }
     }
 
-    fn set_tick_rate(&mut self, rate_hz: u32) {
-        self.tick_rate_hz = rate_hz;
+    fn set_line(&mut self, line: Line) {
+        self.next_widths = [0; MOTORS];
+        self.line = Some(line);
     }
 
-    fn start_ticks(&mut self) {}
-
-    fn is_tick_due(&self) -> bool {
-        self.tick_due
+    fn can_send(&self, _: usize) -> bool {
+        !self.is_busy
     }
 
-    fn start_conversion(&mut self) {}
-
-    fn conversion(&mut self) -> u16 {
-        self.conversion
+    fn send(&mut self, motor: usize, frame: Frame) {
+        assert!(self.line.is_some(), "a frame for outputs that have pulses");
+        self.sent[motor].push(frame);
     }
 
-    fn feed_watchdog(&mut self) {
-        self.feeds += 1;
+    fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
+        self.windows[motor].pop_front()
     }
+}
 
-    fn set_watchdog_patient(&mut self, patient: bool) {
-        self.patient = patient;
-    }
+/// Frames at the inputs.
+#[derive(Debug, Default)]
+pub struct TestInputFrames {
+    /// What the lines have, where these have frames.
+    pub line: Option<Line>,
+    /// Words that were not taken yet.
+    pub words: [VecDeque<Word>; MOTORS],
+    /// Whether inputs have lost words since that was asked last.
+    pub has_lost_words: [bool; MOTORS],
+    /// What the inputs have offered, one after the other.
+    pub offers: [Vec<Offer>; MOTORS],
+    /// Whether the last of them went out.
+    pub are_taken: [bool; MOTORS],
+}
 
-    fn set_input_frames(&mut self, line: Option<Line>) {
-        self.input_line = line;
+impl InputFrameHardware for TestInputFrames {
+    fn set_line(&mut self, line: Option<Line>) {
+        self.line = line;
         self.words = Default::default();
     }
 
@@ -223,26 +217,8 @@ impl ControlHardware for TestOutputs {
         std::mem::take(&mut self.has_lost_words[motor])
     }
 
-    fn set_output_frames(&mut self, line: Line) {
-        self.next_widths = [0; MOTORS];
-        self.output_line = Some(line);
-    }
-
-    fn can_send(&self, _: usize) -> bool {
-        !self.is_busy
-    }
-
-    fn send(&mut self, motor: usize, frame: Frame) {
-        assert!(self.output_line.is_some(), "a frame for outputs that have pulses");
-        self.sent[motor].push(frame);
-    }
-
-    fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
-        self.windows[motor].pop_front()
-    }
-
     fn offer_reply(&mut self, motor: usize, offer: Offer) {
-        assert!(self.input_line.is_some_and(|line| line.is_bidirectional), "a reply on a line that has none");
+        assert!(self.line.is_some_and(|line| line.is_bidirectional), "a reply on a line that has none");
         self.offers[motor].push(offer);
         self.are_taken[motor] = false;
     }
@@ -250,6 +226,72 @@ impl ControlHardware for TestOutputs {
     fn is_offer_taken(&self, motor: usize) -> bool {
         self.are_taken[motor]
     }
+}
+
+/// The timer of the ticks, which a test makes.
+#[derive(Debug, Default)]
+pub struct TestTimer {
+    /// Ticks per second.
+    pub rate_hz: u32,
+    /// Whether the next tick is due already.
+    pub is_due: bool,
+}
+
+impl TickTimer for TestTimer {
+    fn set_rate(&mut self, rate_hz: u32) {
+        self.rate_hz = rate_hz;
+    }
+
+    fn start(&mut self) {}
+
+    fn is_due(&self) -> bool {
+        self.is_due
+    }
+}
+
+/// The converter of the thrust sensor.
+#[derive(Debug, Default)]
+pub struct TestThrust {
+    /// What it gives.
+    pub reading: u16,
+}
+
+impl ThrustConverter for TestThrust {
+    fn start(&mut self) {}
+
+    fn read(&mut self) -> u16 {
+        self.reading
+    }
+}
+
+/// The watchdog.
+#[derive(Debug)]
+pub struct TestWatchdog {
+    /// How often it was fed.
+    pub feeds: u32,
+    /// Whether it is patient.
+    pub patient: bool,
+}
+
+impl Watchdog for TestWatchdog {
+    fn feed(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn set_patient(&mut self, patient: bool) {
+        self.patient = patient;
+    }
+}
+
+/// A board in memory, to the control task.
+pub enum TestHardware {}
+
+impl ControlHardware for TestHardware {
+    type Outputs = TestOutputs;
+    type InputFrames = TestInputFrames;
+    type Timer = TestTimer;
+    type Thrust = TestThrust;
+    type Watchdog = TestWatchdog;
 }
 
 /// What the lowest priority asks of a board.
@@ -286,7 +328,7 @@ pub struct TestBoard {
     /// The inputs.
     pub inputs: Inputs<TestCapture>,
     /// The control task.
-    pub control: Control<TestOutputs>,
+    pub control: Control<TestHardware>,
     /// What the lowest priority asks.
     pub status: TestStatus,
 }
@@ -303,12 +345,17 @@ impl TestBoard {
         facts: BoardFacts,
         resume_from: Option<ResumeSource>,
     ) -> (Self, RequestHandler<F>, Origin) {
-        let apart = facts.clocks.tells_pulses_apart();
         // Patient, so that a test sees that a start changes it.
         let capture = TestCapture::default();
-        let outputs = TestOutputs { patient: true, ..TestOutputs::default() };
-        let started: Started<TestCapture, TestOutputs, F> =
-            controller::start(capture.clone(), outputs, store, &facts, apart, queues(), resume_from);
+        let parts = ControlParts {
+            outputs: TestOutputs::default(),
+            input_frames: TestInputFrames::default(),
+            timer: TestTimer::default(),
+            thrust: TestThrust::default(),
+            watchdog: TestWatchdog { feeds: 0, patient: true },
+        };
+        let started: Started<TestCapture, TestHardware, F> =
+            controller::start(capture.clone(), parts, store, &facts, queues(), resume_from);
         let Started { inputs, control, handler, origin } = started;
         let status = TestStatus { facts, bench_enabled: true, overruns: 0 };
         (Self { capture, inputs, control, status }, handler, origin)
@@ -321,7 +368,7 @@ impl TestBoard {
 
     fn handle(
         &mut self,
-    ) -> ControlHandle<'_, Exclusive<'_, Inputs<TestCapture>>, Exclusive<'_, Control<TestOutputs>>, TestStatus> {
+    ) -> ControlHandle<'_, Exclusive<'_, Inputs<TestCapture>>, Exclusive<'_, Control<TestHardware>>, TestStatus> {
         ControlHandle {
             inputs: Exclusive(&mut self.inputs),
             control: Exclusive(&mut self.control),

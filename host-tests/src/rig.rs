@@ -126,7 +126,7 @@ impl ControlAccess for Hardware {
             for signals in self.during_save.clone() {
                 let outputs = self.run(signals);
                 self.outputs_during_save.push(outputs);
-                self.patient_during_save.push(self.board.control.hardware_mut().patient);
+                self.patient_during_save.push(self.board.control.parts_mut().watchdog.patient);
             }
         }
     }

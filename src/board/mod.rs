@@ -35,6 +35,8 @@ mod start;
 #[cfg(target_os = "none")]
 mod supply;
 #[cfg(target_os = "none")]
-pub use parts::{BoardStatus, ControlParts, PULSES_ARE_EXACT, Watchdog};
+mod watchdog;
+#[cfg(target_os = "none")]
+pub use parts::{BoardStatus, Stm32f405};
 #[cfg(target_os = "none")]
 pub use start::{Board, Queues, outputs_low};

@@ -12,6 +12,7 @@
 //! TIM3 is what the emulator models: on TIM8 no test would see what stands in the compare registers, nor that this image
 //! starts at all, since QEMU 10.0 ends when the HAL resets a timer of that bus.
 
+use rotorlead::controller::hardware::OutputHardware;
 use rotorlead::esc_output::put_out;
 use stm32f4xx_hal::gpio::{Input, PC6, PC7, PC8, PC9};
 use stm32f4xx_hal::pac::{GPIOC, TIM3};
@@ -39,7 +40,7 @@ impl Outputs {
         let (_, (one, two, three, four)) = timer.pwm_hz(FIRST_FRAME_HZ.Hz(), rcc);
         let channels = (one.with(pins.0), two.with(pins.1), three.with(pins.2), four.with(pins.3));
         let mut outputs = Self { channels, timer: frame_registers() };
-        outputs.set([0; MOTORS]);
+        outputs.set_widths([0; MOTORS]);
         let (one, two, three, four) = &mut outputs.channels;
         one.enable();
         two.enable();
@@ -48,52 +49,49 @@ impl Outputs {
         outputs
     }
 
-    /// Frames of so many counts of the timer's clock over `divider`, low until the next widths.
-    pub fn set_frames(&mut self, divider: u32, counts: u32) {
-        self.set([0; MOTORS]);
+    #[inline]
+    fn set_length(&mut self, counts: u32) {
+        self.timer.arr().write(|w| w.arr().set(counts.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
+    }
+}
+
+impl OutputHardware for Outputs {
+    fn set_frames(&mut self, divider: u32, counts: u32) {
+        self.set_widths([0; MOTORS]);
         // Divider and length count together, from the next frame on.
         self.timer.cr1().modify(|_, w| w.arpe().set_bit());
         self.timer.psc().write(|w| w.psc().set(divider.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
         self.set_length(counts);
     }
 
-    /// Widths of the next pulses, in ticks.
     #[inline]
-    pub fn set(&mut self, widths: [u32; MOTORS]) {
+    fn set_widths(&mut self, counts: [u32; MOTORS]) {
         let (one, two, three, four) = &mut self.channels;
-        let [first, second, third, fourth] = widths;
+        let [first, second, third, fourth] = counts;
         put_out(one, first);
         put_out(two, second);
         put_out(three, third);
         put_out(four, fourth);
     }
 
-    /// Counts since the frame began.
     #[inline]
-    pub fn frame_count(&self) -> u32 {
+    fn frame_count(&self) -> u32 {
         self.timer.cnt().read().bits()
     }
 
-    /// Begins the next frame.
     #[inline]
-    pub fn restart_frame(&mut self) {
+    fn restart_frame(&mut self) {
         self.timer.egr().write(|w| w.ug().set_bit());
     }
 
-    /// Ends the frame after so many counts.
     #[inline]
-    pub fn end_frame_at(&mut self, counts: u32) {
+    fn end_frame_at(&mut self, counts: u32) {
         self.timer.cr1().modify(|_, w| w.arpe().clear_bit());
         self.set_length(counts);
         // A counter that has passed its end would run on to the end of its range.
         if self.frame_count() >= counts {
             self.restart_frame();
         }
-    }
-
-    #[inline]
-    fn set_length(&mut self, counts: u32) {
-        self.timer.arr().write(|w| w.arr().set(counts.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
     }
 }
 

@@ -1,11 +1,10 @@
 //! From reset to a running board.
 
 use heapless::spsc::{Consumer, Producer};
-use rotorlead::controller::BoardFacts;
+use rotorlead::controller::hardware::{BoardFacts, ControlParts, NoInputFrames};
 use rotorlead::systick::ControlTimer;
 use stm32f4xx_hal::pac::{GPIOA, GPIOC, Peripherals};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use super::capture::{self, Capture};
 use super::clocks;
@@ -13,7 +12,8 @@ use super::outputs::{self, Outputs};
 use super::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
 use super::settings_flash::SettingsFlash;
 use super::thrust_adc::ThrustAdc;
-use super::{BoardStatus, ControlParts, Watchdog, postmortem, supply};
+use super::watchdog::Watchdog;
+use super::{BoardStatus, Stm32f405, postmortem, supply};
 
 /// The interrupts' ends of the link's queues.
 pub struct Queues {
@@ -28,7 +28,7 @@ pub struct Board {
     /// Inputs.
     pub capture: Capture,
     /// What the control task drives; its ticks are not started.
-    pub control: ControlParts,
+    pub control: ControlParts<Stm32f405>,
     /// The link, `None` where its clock is too slow.
     pub serial: Option<Serial>,
     /// Where the settings are.
@@ -42,10 +42,7 @@ impl Board {
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         let reset = postmortem::take(&device.RCC);
         postmortem::resume_source().memory.begin_start();
-        let watchdog = IndependentWatchdog::new(device.IWDG);
-        // A core that a debug probe halts must not leave the last pulses running: the reset comes all the same.
-        watchdog.stop_on_debug(&device.DBGMCU, false);
-        let watchdog = Watchdog::new(watchdog);
+        let watchdog = Watchdog::start(device.IWDG, &device.DBGMCU);
 
         let (mut rcc, oscillator) = clocks::start(device.RCC, &device.TIM11);
         let clocks = clocks::measure(oscillator, &device.TIM2, &mut core.SYST, &mut rcc);
@@ -76,8 +73,9 @@ impl Board {
             capture,
             control: ControlParts {
                 outputs,
+                input_frames: NoInputFrames,
                 timer: ControlTimer::new(core.SYST, clocks.core_hz),
-                thrust_adc: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
+                thrust: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
                 watchdog,
             },
             serial: serial.ok(),

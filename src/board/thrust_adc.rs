@@ -2,6 +2,7 @@
 //!
 //! Set up by its registers: the HAL pulses the reset line of its bus, on which QEMU 10.0 ends.
 
+use rotorlead::controller::hardware::ThrustConverter;
 use stm32f4xx_hal::gpio::{Analog, PC0};
 use stm32f4xx_hal::pac::{ADC_COMMON, ADC1};
 use stm32f4xx_hal::rcc::{Enable, Rcc};
@@ -27,18 +28,18 @@ impl ThrustAdc {
         converter.cr2().write(|w| w.adon().set_bit());
         Self { converter, _pin: pin, last: 0 }
     }
+}
 
-    /// Begins a conversion, and forgets the one before.
+impl ThrustConverter for ThrustAdc {
     #[inline]
-    pub fn start(&mut self) {
+    fn start(&mut self) {
         // Flags are cleared by writing 0, and all of this converter's are its own.
         self.converter.sr().reset();
         self.converter.cr2().modify(|_, w| w.swstart().set_bit());
     }
 
-    /// Its result, or where it is not done yet the one before. Does not wait.
     #[inline]
-    pub fn read(&mut self) -> u16 {
+    fn read(&mut self) -> u16 {
         if self.converter.sr().read().eoc().bit_is_set() {
             self.last = self.converter.dr().read().data().bits();
         }

@@ -1,7 +1,9 @@
 //! The control task: a [`Tick`], and the hardware that it drives.
 
 use super::frames::{FrameClock, FrameInputs};
-use super::hardware::ControlHardware;
+use super::hardware::{
+    ControlHardware, ControlParts, InputFrameHardware, OutputHardware, ThrustConverter, TickTimer, Watchdog,
+};
 use super::pacing::{FrameAction, FramePacer, InputPulse};
 use super::plan::{FrameRate, InputPlan, OutputPlan, Plan};
 use super::replies::Replies;
@@ -27,14 +29,14 @@ enum OutputPath {
 
 impl OutputPath {
     /// Sets the outputs up: they are low until the first tick.
-    fn start(plan: &OutputPlan, hardware: &mut impl ControlHardware) -> Self {
+    fn start(plan: &OutputPlan, hardware: &mut impl OutputHardware) -> Self {
         match *plan {
             OutputPlan::Pulses { scale, frames } => {
                 hardware.set_frames(frames.divider, frames.longest);
                 Self::Pulses { scale, pacer: frames.follow_input().then(|| FramePacer::new(&frames)) }
             }
             OutputPlan::Dshot { line, rate } => {
-                hardware.set_output_frames(line);
+                hardware.set_line(line);
                 match rate {
                     FrameRate::Relayed(_) => Self::Relay(FrameClock::new(1, line.checksum())),
                     FrameRate::Ticks(ticks) => Self::Frames(FrameClock::new(ticks, line.checksum())),
@@ -45,14 +47,14 @@ impl OutputPath {
 }
 
 /// Sets the inputs up; `None` where the capture timer has them.
-fn start_inputs(plan: &Plan, hardware: &mut impl ControlHardware) -> Option<FrameInputs> {
+fn start_inputs(plan: &Plan, hardware: &mut impl InputFrameHardware) -> Option<FrameInputs> {
     match plan.input {
         InputPlan::Pulses(_) => {
-            hardware.set_input_frames(None);
+            hardware.set_line(None);
             None
         }
         InputPlan::Dshot { line, timeout_ticks } => {
-            hardware.set_input_frames(Some(line));
+            hardware.set_line(Some(line));
             let output = plan.output.line().map(Line::checksum);
             Some(FrameInputs::new(timeout_ticks, line.checksum(), output))
         }
@@ -71,9 +73,9 @@ fn replies(plan: &Plan, loop_rate_hz: u32) -> Option<Replies> {
 }
 
 /// What the control task has.
-pub struct Control<H> {
+pub struct Control<H: ControlHardware> {
     tick: Tick,
-    hardware: H,
+    parts: ControlParts<H>,
     inputs: Option<FrameInputs>,
     outputs: OutputPath,
     output_plan: OutputPlan,
@@ -85,15 +87,15 @@ pub struct Control<H> {
 
 impl<H: ControlHardware> Control<H> {
     /// Sets the rates; the outputs are low until the first tick.
-    pub fn new(mut hardware: H, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
-        let inputs = start_inputs(plan, &mut hardware);
-        let outputs = OutputPath::start(&plan.output, &mut hardware);
-        hardware.set_tick_rate(loop_rate_hz);
-        hardware.set_watchdog_patient(false);
+    pub fn new(mut parts: ControlParts<H>, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
+        let inputs = start_inputs(plan, &mut parts.input_frames);
+        let outputs = OutputPath::start(&plan.output, &mut parts.outputs);
+        parts.timer.set_rate(loop_rate_hz);
+        parts.watchdog.set_patient(false);
         let replies = replies(plan, loop_rate_hz);
         let (supervisor, recorder) = (Supervisor::new(loop_rate_hz), FlightRecorder::new(None));
         let output_plan = plan.output;
-        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor, recorder }
+        Self { tick, parts, inputs, outputs, output_plan, replies, supervisor, recorder }
     }
 
     /// Memory that survives a reset, in which it keeps what a flight needs to go on.
@@ -103,28 +105,28 @@ impl<H: ControlHardware> Control<H> {
 
     /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.
     pub fn start_ticks(&mut self) {
-        self.hardware.start_ticks();
+        self.parts.timer.start();
     }
 
     /// One tick: what the inputs have, to what the outputs get. `readings`: of inputs with pulses; those with frames are read
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
-        let Self { tick, hardware, inputs, outputs, replies, supervisor, recorder, .. } = self;
+        let Self { tick, parts, inputs, outputs, replies, supervisor, recorder, .. } = self;
         let readings = match inputs {
             None => readings,
-            Some(inputs) => inputs.read(tick.compensates(), hardware),
+            Some(inputs) => inputs.read(tick.compensates(), &mut parts.input_frames),
         };
         if let Some(replies) = replies {
             let are_live = inputs.as_ref().map_or([false; MOTORS], FrameInputs::are_live);
-            replies.tick(are_live, hardware);
+            replies.tick(are_live, &mut parts.outputs, &mut parts.input_frames);
         }
         if tick.is_recording() {
-            hardware.start_conversion();
+            parts.thrust.start();
         }
         let replies = replies.as_ref();
         let commands = tick.run(readings, |motor| Sensed {
-            adc: hardware.conversion(),
+            adc: parts.thrust.read(),
             turn_us: replies.map_or(NO_TURN, |replies| replies.turn_us(motor)),
         });
         #[cfg(feature = "planted-panic")]
@@ -135,20 +137,20 @@ impl<H: ControlHardware> Control<H> {
         };
         match outputs {
             OutputPath::Pulses { scale, pacer } => {
-                put_out(*scale, pacer.as_mut(), commands, tick.input_pulse(), hardware);
+                put_out(*scale, pacer.as_mut(), commands, tick.input_pulse(), &mut parts.outputs);
             }
             OutputPath::Relay(clock) => {
                 if let Some(inputs) = inputs {
-                    inputs.relay(commands, hardware);
+                    inputs.relay(commands, &mut parts.outputs);
                 }
-                clock.tick(tick.bench_commands(), hardware);
+                clock.tick(tick.bench_commands(), &mut parts.outputs);
             }
-            OutputPath::Frames(clock) => clock.tick(commands, hardware),
+            OutputPath::Frames(clock) => clock.tick(commands, &mut parts.outputs),
         }
         if supervisor.tick(idle_ran, tick.input_pulse() == InputPulse::New) {
-            take_turn(tick, supervisor, recorder, hardware);
+            take_turn(tick, supervisor, recorder, &mut parts.watchdog);
         }
-        if hardware.is_tick_due() && supervisor.late(tick.ticks()) {
+        if parts.timer.is_due() && supervisor.late(tick.ticks()) {
             tick.stop_excitation();
         }
     }
@@ -158,18 +160,18 @@ impl<H: ControlHardware> Control<H> {
         &mut self.tick
     }
 
-    /// The hardware.
-    pub const fn hardware_mut(&mut self) -> &mut H {
-        &mut self.hardware
+    /// What it drives.
+    pub const fn parts_mut(&mut self) -> &mut ControlParts<H> {
+        &mut self.parts
     }
 
     /// Other settings. Every motor is at rest; the outputs are low until the next tick.
     pub fn reconfigure(&mut self, settings: &Validated, channels: &[Channel; MOTORS], plan: &Plan) {
-        self.inputs = start_inputs(plan, &mut self.hardware);
-        self.outputs = OutputPath::start(&plan.output, &mut self.hardware);
+        self.inputs = start_inputs(plan, &mut self.parts.input_frames);
+        self.outputs = OutputPath::start(&plan.output, &mut self.parts.outputs);
         self.output_plan = plan.output;
         self.replies = replies(plan, settings.loop_rate_hz);
-        self.hardware.set_tick_rate(settings.loop_rate_hz);
+        self.parts.timer.set_rate(settings.loop_rate_hz);
         self.supervisor.set_rate(settings.loop_rate_hz);
         self.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
     }
@@ -182,9 +184,9 @@ impl<H: ControlHardware> Control<H> {
 
     /// The flash will stall the core (`true`), or has done so (`false`).
     pub fn flash_stalls(&mut self, stalls: bool) {
-        self.hardware.set_watchdog_patient(stalls);
+        self.parts.watchdog.set_patient(stalls);
         if let Some(replies) = &mut self.replies {
-            replies.withdraw(&mut self.hardware);
+            replies.withdraw(&mut self.parts.input_frames);
         }
     }
 
@@ -219,17 +221,12 @@ impl<H: ControlHardware> Control<H> {
 
 /// What need not be done in every tick: keeps what the flight needs after a reset, and feeds the watchdog.
 #[inline(never)]
-fn take_turn(
-    tick: &Tick,
-    supervisor: &mut Supervisor,
-    recorder: &mut FlightRecorder,
-    hardware: &mut impl ControlHardware,
-) {
+fn take_turn(tick: &Tick, supervisor: &mut Supervisor, recorder: &mut FlightRecorder, watchdog: &mut impl Watchdog) {
     if recorder.step(tick.ticks(), tick.motors()) {
         supervisor.review(tick.ticks(), tick.is_flown());
     }
     if supervisor.turn() {
-        hardware.feed_watchdog();
+        watchdog.feed();
     }
 }
 
@@ -241,7 +238,7 @@ fn put_out(
     pacer: Option<&mut FramePacer>,
     commands: [EscCommand; MOTORS],
     input_pulse: InputPulse,
-    hardware: &mut impl ControlHardware,
+    hardware: &mut impl OutputHardware,
 ) {
     hardware.set_widths(commands.map(|command| scale.to_width_ticks(command)));
     let Some(pacer) = pacer else { return };

@@ -80,8 +80,8 @@ where
         if !facts.suits(settings) {
             return Err(Refusal::NoDshot);
         }
-        let tells_pulses_apart = self.hardware.tells_pulses_apart();
-        let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).ok_or(Refusal::Design)?;
+        let plan =
+            Plan::new(settings, facts.clocks.timer_hz, facts.clocks.tells_pulses_apart()).ok_or(Refusal::Design)?;
         // At once, or a tick would read pulses of one protocol on the scale of the other.
         self.inputs.lock(|inputs| {
             self.control.lock(|control| control.reconfigure(settings, &channels, &plan));

@@ -1,6 +1,6 @@
 //! DShot at the inputs and the outputs: frames instead of pulses.
 
-use super::hardware::ControlHardware;
+use super::hardware::{InputFrameHardware, OutputHardware};
 use crate::capture::Reading;
 use crate::dshot::{Checksum, Frame, Receiver, Relay, Value};
 use crate::link::MotorFaults;
@@ -27,7 +27,7 @@ impl FrameInputs {
 
     /// Once per control tick: takes the words that have come, and says what has become of each input. `compensates`: whether some
     /// motor does.
-    pub fn read(&mut self, compensates: bool, hardware: &mut impl ControlHardware) -> [Reading; MOTORS] {
+    pub fn read(&mut self, compensates: bool, hardware: &mut impl InputFrameHardware) -> [Reading; MOTORS] {
         let mut readings = [Reading::NOTHING; MOTORS];
         for (motor, (receiver, reading)) in self.0.iter_mut().zip(&mut readings).enumerate() {
             for _ in 0..WORDS_PER_TICK {
@@ -43,7 +43,7 @@ impl FrameInputs {
     }
 
     /// Lets a frame out for each that came in, as far as the outputs take them; without `outputs` of DShot they are gone.
-    pub fn relay(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl ControlHardware) {
+    pub fn relay(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl OutputHardware) {
         for (motor, (receiver, output)) in self.0.iter_mut().zip(outputs).enumerate() {
             for _ in 0..WORDS_PER_TICK {
                 if !hardware.can_send(motor) {
@@ -86,7 +86,7 @@ impl FrameClock {
     }
 
     /// One control tick. No pulse is no frame.
-    pub fn tick(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl ControlHardware) {
+    pub fn tick(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl OutputHardware) {
         self.ticks_left = self.ticks_left.saturating_sub(1);
         if self.ticks_left > 0 {
             return;

@@ -34,10 +34,10 @@ pub trait CaptureTimer {
     fn listen(&mut self, inputs: [Listening; MOTORS]);
 }
 
-/// What the control task drives.
-pub trait ControlHardware {
-    /// The outputs have pulses. Sets their timer: its divider, from 1, and the length of its frames, counts, from 2 to 2^16. All
-    /// outputs are low until the next widths.
+/// The outputs: pulses, and on a board that speaks DShot frames.
+pub trait OutputHardware {
+    /// Pulses from now on. Sets their timer: its divider, from 1, and the length of its frames, counts, from 2 to 2^16. All outputs
+    /// are low until the next widths.
     fn set_frames(&mut self, divider: u32, counts: u32);
     /// Widths of the pulses from the next frame on, in counts; 0 is a line that stays low. A pulse that runs is not cut.
     fn set_widths(&mut self, counts: [u32; MOTORS]);
@@ -47,37 +47,10 @@ pub trait ControlHardware {
     fn restart_frame(&mut self);
     /// Lets this frame, and those after it, last for so many counts. Where it has lasted for longer already it ends now.
     fn end_frame_at(&mut self, counts: u32);
-    /// Runs the control task at `rate_hz`, 1 or more, from the next tick on.
-    fn set_tick_rate(&mut self, rate_hz: u32);
-    /// Starts the ticks.
-    fn start_ticks(&mut self);
-    /// Whether the next tick has become due while this one runs.
-    fn is_tick_due(&self) -> bool;
-    /// Begins a conversion of the thrust sensor.
-    fn start_conversion(&mut self);
-    /// The result of the last conversion that has ended. Does not wait.
-    fn conversion(&mut self) -> u16;
-    /// Feeds the watchdog.
-    fn feed_watchdog(&mut self);
-    /// Sets the watchdog's time: some control ticks, or (`true`) the seconds that the erasing of flash takes.
-    fn set_watchdog_patient(&mut self, patient: bool);
 
-    /// The inputs have frames of DShot, which come as words, or (`None`) pulses, whose edges come to the [`CaptureTimer`]. This and
-    /// what follows is called with a line only where [`BoardFacts::speaks_dshot`].
-    ///
-    /// A bidirectional line is pulled up, and driven by the board only for a reply.
-    fn set_input_frames(&mut self, _line: Option<Line>) {}
-    /// The oldest word of an input that was not taken yet. A board holds 8 of each input.
-    fn take_word(&mut self, _motor: usize) -> Option<Word> {
-        None
-    }
-    /// Whether words of an input were lost since the last call, since it held too many.
-    fn has_lost_words(&mut self, _motor: usize) -> bool {
-        false
-    }
-    /// The outputs have frames of DShot. All are low until the next frame; on a bidirectional line, pulled up, and the board drives
-    /// them only for its frames.
-    fn set_output_frames(&mut self, _line: Line) {}
+    /// Frames of DShot from now on: this and what follows is called only where [`BoardFacts::speaks_dshot`]. All outputs are low until
+    /// the next frame; on a bidirectional line, pulled up, and the board drives them only for its frames.
+    fn set_line(&mut self, _line: Line) {}
     /// Whether an output takes a frame now: the last one has begun.
     fn can_send(&self, _motor: usize) -> bool {
         false
@@ -88,13 +61,96 @@ pub trait ControlHardware {
     fn take_reply(&mut self, _motor: usize) -> Option<ReplyWindow> {
         None
     }
+}
+
+/// Inputs that may have frames of DShot. A board that does not speak it has [`NoInputFrames`].
+pub trait InputFrameHardware {
+    /// The inputs have frames of DShot, which come as words, or (`None`) pulses, whose edges come to the [`CaptureTimer`]. This and
+    /// what follows is called with a line only where [`BoardFacts::speaks_dshot`].
+    ///
+    /// A bidirectional line is pulled up, and driven by the board only for a reply.
+    fn set_line(&mut self, line: Option<Line>);
+    /// The oldest word of an input that was not taken yet. A board holds 8 of each input.
+    fn take_word(&mut self, motor: usize) -> Option<Word>;
+    /// Whether words of an input were lost since the last call, since it held too many.
+    fn has_lost_words(&mut self, motor: usize) -> bool;
     /// A bidirectional input answers each frame with this from now on, 25 to 35 µs after the frame's end. It starts no reply
     /// where the line is low meanwhile, or where that was no frame of 16 bits.
-    fn offer_reply(&mut self, _motor: usize, _offer: Offer) {}
+    fn offer_reply(&mut self, motor: usize, offer: Offer);
     /// Whether the last offer has gone out.
-    fn is_offer_taken(&self, _motor: usize) -> bool {
+    fn is_offer_taken(&self, motor: usize) -> bool;
+}
+
+/// Inputs that have nothing but pulses.
+#[derive(Clone, Copy, Debug)]
+pub struct NoInputFrames;
+
+impl InputFrameHardware for NoInputFrames {
+    fn set_line(&mut self, _: Option<Line>) {}
+    fn take_word(&mut self, _: usize) -> Option<Word> {
+        None
+    }
+    fn has_lost_words(&mut self, _: usize) -> bool {
         false
     }
+    fn offer_reply(&mut self, _: usize, _: Offer) {}
+    fn is_offer_taken(&self, _: usize) -> bool {
+        false
+    }
+}
+
+/// The timer that runs the control task.
+pub trait TickTimer {
+    /// Runs it at `rate_hz`, 1 or more, from the next tick on.
+    fn set_rate(&mut self, rate_hz: u32);
+    /// Starts the ticks.
+    fn start(&mut self);
+    /// Whether the next tick has become due while this one runs.
+    fn is_due(&self) -> bool;
+}
+
+/// The converter of the thrust sensor.
+pub trait ThrustConverter {
+    /// Begins a conversion.
+    fn start(&mut self);
+    /// The result of the last conversion that has ended. Does not wait.
+    fn read(&mut self) -> u16;
+}
+
+/// The watchdog.
+pub trait Watchdog {
+    /// Begins its time anew.
+    fn feed(&mut self);
+    /// Sets its time: some control ticks, or (`true`) the seconds that the erasing of flash takes.
+    fn set_patient(&mut self, patient: bool);
+}
+
+/// A board, by the types of what the control task drives.
+pub trait ControlHardware {
+    /// The outputs.
+    type Outputs: OutputHardware;
+    /// Frames at the inputs.
+    type InputFrames: InputFrameHardware;
+    /// The ticks.
+    type Timer: TickTimer;
+    /// The thrust sensor.
+    type Thrust: ThrustConverter;
+    /// The watchdog.
+    type Watchdog: Watchdog;
+}
+
+/// What the control task of a board drives.
+pub struct ControlParts<H: ControlHardware> {
+    /// The outputs.
+    pub outputs: H::Outputs,
+    /// Frames at the inputs.
+    pub input_frames: H::InputFrames,
+    /// The ticks.
+    pub timer: H::Timer,
+    /// The thrust sensor.
+    pub thrust: H::Thrust,
+    /// The watchdog.
+    pub watchdog: H::Watchdog,
 }
 
 /// What only the board knows, and does not change.
@@ -129,8 +185,4 @@ pub trait RequestHardware {
     fn link_overruns(&self) -> u32;
     /// Waits until the watchdog has taken a new time over and was fed by it.
     fn wait_for_watchdog(&mut self);
-    /// Whether the clocks tell a disarmed pulse from an armed one.
-    fn tells_pulses_apart(&self) -> bool {
-        self.facts().clocks.tells_pulses_apart()
-    }
 }

@@ -1,6 +1,6 @@
 //! Bidirectional DShot: the replies of the ESCs, and what the flight controller gets of them.
 
-use super::hardware::ControlHardware;
+use super::hardware::{InputFrameHardware, OutputHardware};
 use crate::dshot::{FRESH_MS, Reply, ReplyRelay};
 use crate::link::{MotorFaults, NO_TURN};
 use crate::settings::MOTORS;
@@ -60,11 +60,16 @@ impl Replies {
 
     /// Once per control tick: takes what the ESCs have answered, the newest of each, and offers it where the input has frames (`are_live`).
     #[inline(never)]
-    pub fn tick(&mut self, are_live: [bool; MOTORS], hardware: &mut impl ControlHardware) {
+    pub fn tick(
+        &mut self,
+        are_live: [bool; MOTORS],
+        outputs: &mut impl OutputHardware,
+        inputs: &mut impl InputFrameHardware,
+    ) {
         let mut replies = [None; MOTORS];
         for (motor, (counts, reply)) in self.counts.iter_mut().zip(&mut replies).enumerate() {
             for _ in 0..WINDOWS_PER_TICK {
-                let Some(window) = hardware.take_reply(motor) else { break };
+                let Some(window) = outputs.take_reply(motor) else { break };
                 match window.reply() {
                     Some(Ok(good)) => {
                         counts.good = counts.good.wrapping_add(1);
@@ -81,8 +86,8 @@ impl Replies {
         let Some(relays) = &mut self.relays else { return };
         for (motor, ((relay, reply), is_live)) in relays.iter_mut().zip(replies).zip(are_live).enumerate() {
             let received = reply.filter(|_| is_live);
-            if let Some(offer) = relay.tick(received, hardware.is_offer_taken(motor)) {
-                hardware.offer_reply(motor, offer);
+            if let Some(offer) = relay.tick(received, inputs.is_offer_taken(motor)) {
+                inputs.offer_reply(motor, offer);
             }
         }
     }
@@ -94,9 +99,9 @@ impl Replies {
     }
 
     /// Offers none: no tick runs for a while.
-    pub fn withdraw(&mut self, hardware: &mut impl ControlHardware) {
+    pub fn withdraw(&mut self, inputs: &mut impl InputFrameHardware) {
         for (motor, relay) in self.relays.iter_mut().flatten().enumerate() {
-            hardware.offer_reply(motor, relay.withdraw());
+            inputs.offer_reply(motor, relay.withdraw());
         }
     }
 

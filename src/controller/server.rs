@@ -33,10 +33,10 @@ impl<F: NorFlash> Server<F> {
     }
 
     /// When everything was sent, finds the next message to send: `received` gives the bytes from the host, `None` when
-    /// there are no more for now. Without anything to do it returns at once.
-    pub fn poll(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl ControlAccess) {
+    /// there are no more for now. Whether there is one to send; if not, there is nothing to do until an interrupt has come.
+    pub fn poll(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl ControlAccess) -> bool {
         if !self.writer.is_empty() {
-            return;
+            return false;
         }
         let unasked = if self.has_streamed { None } else { self.handler.poll() };
         self.has_streamed = unasked.is_some();
@@ -51,6 +51,7 @@ impl<F: NorFlash> Server<F> {
         } else if let Some(Foreign::Message { tag, .. }) = self.receiver.take_foreign() {
             self.writer.load_notice(tag);
         }
+        !self.writer.is_empty()
     }
 
     fn receive(

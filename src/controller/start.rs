@@ -3,7 +3,7 @@
 use embedded_storage::nor_flash::NorFlash;
 use heapless::spsc::{Consumer, Producer};
 
-use super::hardware::{BoardFacts, CaptureTimer, ControlHardware};
+use super::hardware::{BoardFacts, CaptureTimer, ControlHardware, ControlParts};
 use super::plan::Plan;
 use super::resume::{ResumeSource, Resumption};
 use super::{
@@ -30,7 +30,7 @@ pub struct Queues {
 }
 
 /// A controller whose ticks run.
-pub struct Started<C, H, F> {
+pub struct Started<C, H: ControlHardware, F> {
     /// For the capture interrupt and the control task.
     pub inputs: Inputs<C>,
     /// For the control task.
@@ -50,14 +50,14 @@ struct Usable {
 
 impl Usable {
     /// `None` where the filter cannot be designed, or a timer does not suit the pulses.
-    fn new(settings: &Validated, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
+    fn new(settings: &Validated, facts: &BoardFacts) -> Option<Self> {
         let filters = filters(settings).ok()?;
-        Self::with(settings, filters, channels(settings, filters)?, facts, tells_pulses_apart)
+        Self::with(settings, filters, channels(settings, filters)?, facts)
     }
 
     /// Of a controller that goes on after a reset.
-    fn resumed(resumption: &Resumption, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
-        Self::with(&resumption.settings, resumption.filters, resumption.channels()?, facts, tells_pulses_apart)
+    fn resumed(resumption: &Resumption, facts: &BoardFacts) -> Option<Self> {
+        Self::with(&resumption.settings, resumption.filters, resumption.channels()?, facts)
     }
 
     fn with(
@@ -65,9 +65,9 @@ impl Usable {
         filters: [Filter; MOTORS],
         channels: [Channel; MOTORS],
         facts: &BoardFacts,
-        tells_pulses_apart: bool,
     ) -> Option<Self> {
-        let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).filter(|_| facts.suits(settings))?;
+        let plan = Plan::new(settings, facts.clocks.timer_hz, facts.clocks.tells_pulses_apart())
+            .filter(|_| facts.suits(settings))?;
         Some(Self { channels, filters, plan })
     }
 }
@@ -75,25 +75,21 @@ impl Usable {
 /// What goes on after a reset: nothing on clocks that would make other pulses of the same commands.
 // Apart from the start, whose stack holds the controller in the making.
 #[inline(never)]
-fn resume(source: &ResumeSource, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<(Validated, Origin, Usable)> {
+fn resume(source: &ResumeSource, facts: &BoardFacts) -> Option<(Validated, Origin, Usable)> {
     let resumption = source.memory.take(facts.reset, source.is_debugged)?;
-    let usable = Usable::resumed(&resumption, facts, tells_pulses_apart).filter(|_| tells_pulses_apart)?;
+    let usable = Usable::resumed(&resumption, facts).filter(|_| facts.clocks.tells_pulses_apart())?;
     Some((resumption.settings, resumption.origin, usable))
 }
 
 /// Settings from the flash, with their filters.
 #[inline(never)]
-fn load<F: NorFlash>(
-    store: &mut Store<F>,
-    facts: &BoardFacts,
-    tells_pulses_apart: bool,
-) -> (Validated, Origin, Usable) {
+fn load<F: NorFlash>(store: &mut Store<F>, facts: &BoardFacts) -> (Validated, Origin, Usable) {
     let loaded = store.load();
-    match Usable::new(&loaded.settings, facts, tells_pulses_apart) {
+    match Usable::new(&loaded.settings, facts) {
         Some(usable) => (loaded.settings, loaded.origin, usable),
         None => {
             let settings = Validated::default();
-            let usable = Usable::new(&settings, facts, tells_pulses_apart);
+            let usable = Usable::new(&settings, facts);
             (settings, Origin::DefaultsBad, usable.expect("the defaults suit every clock"))
         }
     }
@@ -112,15 +108,14 @@ fn load<F: NorFlash>(
 /// [`check_timer`](super::check_timer) may give.
 pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     capture: C,
-    hardware: H,
+    parts: ControlParts<H>,
     mut store: Store<F>,
     facts: &BoardFacts,
-    tells_pulses_apart: bool,
     queues: Queues,
     resume_from: Option<ResumeSource>,
 ) -> Started<C, H, F> {
-    let resumed = resume_from.as_ref().and_then(|source| resume(source, facts, tells_pulses_apart));
-    let (settings, origin, usable) = resumed.unwrap_or_else(|| load(&mut store, facts, tells_pulses_apart));
+    let resumed = resume_from.as_ref().and_then(|source| resume(source, facts));
+    let (settings, origin, usable) = resumed.unwrap_or_else(|| load(&mut store, facts));
     let Usable { channels, filters, plan } = usable;
     let memory = resume_from.map(|source| source.memory);
     if let Some(memory) = memory {
@@ -137,7 +132,7 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     let queues = HandlerQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
     let mut started = Started {
         inputs: Inputs::new(capture, plan.input.timing()),
-        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz),
+        control: Control::new(parts, tick, &plan, settings.loop_rate_hz),
         handler: RequestHandler::new(settings, origin, store, queues),
         origin,
     };

@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use pio::{Program, pio_asm};
 use rotorlead::capture::Listening;
-use rotorlead::controller::hardware::{CaptureTimer, Edge};
+use rotorlead::controller::hardware::{CaptureTimer, Edge, InputFrameHardware};
 use rotorlead::dshot::{Line, Offer, REPLY_BITS, Word};
 use rotorlead::settings::MOTORS;
 use rp2040_hal::pac::TIMER;
@@ -292,8 +292,19 @@ impl InputFrames {
         Self { machines: machines(), timer, pins: Pins::steal(), mask: 0, reply_delay: 0 }
     }
 
-    /// Frames on such lines from now on, or pulses.
-    pub fn set(&mut self, line: Option<Line>) {
+    fn stamp(&self) {
+        self.machines.load(&stamps(), Divider::ONE, Direction::In, INPUT_1);
+        let microsecond = || self.timer.timerawl().read().bits();
+        let before = microsecond();
+        // A timer that stands still is found out by its clock's check.
+        let _ = (0..READS_PER_US).any(|_| microsecond() != before);
+        self.machines.start();
+        STARTED_US.store(before.wrapping_add(1), Ordering::Relaxed);
+    }
+}
+
+impl InputFrameHardware for InputFrames {
+    fn set_line(&mut self, line: Option<Line>) {
         self.mask = 0;
         let is_answered = line.is_some_and(|line| line.is_bidirectional);
         for gpio in (INPUT_1..).take(MOTORS) {
@@ -314,21 +325,19 @@ impl InputFrames {
         self.machines.start();
     }
 
-    /// The oldest word of an input.
     #[inline]
-    pub fn take(&mut self, input: usize) -> Option<Word> {
+    fn take_word(&mut self, input: usize) -> Option<Word> {
         self.machines.pop(input).map(|bits| Word::new(bits ^ self.mask))
     }
 
-    /// Whether words have come since the last call that found the queue full.
     #[inline]
-    pub fn has_lost(&self, input: usize) -> bool {
+    fn has_lost_words(&mut self, input: usize) -> bool {
         self.machines.has_lost(input)
     }
 
-    /// What each frame is answered with from now on: the delay, and the levels behind it.
+    /// The word has the delay, and the levels behind it.
     #[inline]
-    pub fn offer(&mut self, input: usize, offer: Offer) {
+    fn offer_reply(&mut self, input: usize, offer: Offer) {
         let word = match offer {
             Offer::Reply(reply) => {
                 (self.reply_delay << REPLY_BITS | reply.to_levels()) << (u32::BITS - DELAY_BITS - REPLY_BITS)
@@ -338,19 +347,8 @@ impl InputFrames {
         self.machines.push(input, word);
     }
 
-    /// Whether a frame has come since the last offer.
     #[inline]
-    pub fn is_offer_taken(&self, input: usize) -> bool {
+    fn is_offer_taken(&self, input: usize) -> bool {
         self.machines.waiting(input) == 0
-    }
-
-    fn stamp(&self) {
-        self.machines.load(&stamps(), Divider::ONE, Direction::In, INPUT_1);
-        let microsecond = || self.timer.timerawl().read().bits();
-        let before = microsecond();
-        // A timer that stands still is found out by its clock's check.
-        let _ = (0..READS_PER_US).any(|_| microsecond() != before);
-        self.machines.start();
-        STARTED_US.store(before.wrapping_add(1), Ordering::Relaxed);
     }
 }

@@ -56,7 +56,6 @@ mod app {
 
     use defmt_rtt as _;
     use heapless::spsc::{Consumer, Producer, Queue};
-    use rotorlead::controller::hardware::RequestHardware as _;
     use rotorlead::controller::{
         self, Control, ControlHandle, INJECT_QUEUE, Inputs, LAMP_STEP_MS, Lamp, RECORD_QUEUE, Server, Started,
     };
@@ -66,20 +65,19 @@ mod app {
     use rp2040_hal::pac::{Interrupt, TIMER};
 
     use crate::inputs::{Capture, STAMPS_HELD};
-    use crate::parts::{BoardStatus, ControlParts};
+    use crate::parts::{BoardStatus, Rp2040};
     use crate::pinout::LED;
     use crate::postmortem;
     use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
     use crate::settings_flash::{COPIES, SettingsFlash};
     use crate::start::{Board, Queues};
 
-    /// Set by the idle task whenever it comes round, and cleared by the control task.
-    static IDLE_RAN: AtomicBool = AtomicBool::new(false);
-
     #[shared]
     struct Shared {
         inputs: Inputs<Capture>,
-        control: Control<ControlParts>,
+        control: Control<Rp2040>,
+        /// Set by the idle task whenever it comes round, and cleared by the control task.
+        idle_ran: AtomicBool,
     }
 
     #[local]
@@ -112,24 +110,23 @@ mod app {
             samples: cx.local.sample_queue.split(),
         };
         let store = Store::new(flash, COPIES);
-        let apart = status.tells_pulses_apart();
         let Started { inputs, control, handler, origin } =
-            controller::start(capture, control, store, &facts, apart, queues, Some(postmortem::resume_source()));
+            controller::start(capture, control, store, &facts, queues, Some(postmortem::resume_source()));
         defmt::info!("settings: {}", defmt::Debug2Format(&origin));
         let local = Local { server: Server::new(handler), status, received, to_send, serial, timer };
-        (Shared { inputs, control }, local)
+        (Shared { inputs, control, idle_ran: AtomicBool::new(false) }, local)
     }
 
-    /// Talks to the host, lights the lamp, and does whatever takes long.
-    #[idle(shared = [inputs, control], local = [server, status, received, to_send, timer])]
+    /// Talks to the host, lights the lamp, and does whatever takes long. Sleeps where there is nothing to do: a tick or a byte wakes it.
+    #[idle(shared = [inputs, control, &idle_ran], local = [server, status, received, to_send, timer])]
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { server, status, received, to_send, timer, .. } = cx.local;
-        let idle::SharedResources { inputs, mut control, .. } = cx.shared;
+        let idle::SharedResources { inputs, mut control, idle_ran, .. } = cx.shared;
         control.lock(Control::start_ticks);
         let mut board = ControlHandle { inputs, control: &mut control, hardware: status };
         let mut lamp_step = 0;
         loop {
-            IDLE_RAN.store(true, Ordering::Relaxed);
+            idle_ran.store(true, Ordering::Relaxed);
             while to_send.ready() {
                 let Some(byte) = server.next_byte() else { break };
                 let _ = to_send.enqueue(byte);
@@ -137,11 +134,14 @@ mod app {
             if to_send.len() > 0 {
                 rtic::pend(Interrupt::UART0_IRQ);
             }
-            server.poll(|| received.dequeue(), &mut board);
+            let is_busy = server.poll(|| received.dequeue(), &mut board);
             let milliseconds = timer.timerawl().read().bits() / 1000;
             if milliseconds / LAMP_STEP_MS != lamp_step {
                 lamp_step = milliseconds / LAMP_STEP_MS;
                 show(&mut board, milliseconds);
+            }
+            if !is_busy {
+                cortex_m::asm::wfi();
             }
         }
     }
@@ -165,15 +165,15 @@ mod app {
     /// Deadline: the next tick, 200 µs at 5 kHz. When it is missed the outputs repeat their last pulse and the filters
     /// lose a step of time; it is counted and reported as `missed_deadlines`. Two in a row end an excitation. When it is
     /// missed for 20 ms on end the watchdog resets the controller: its pins are pulled down.
-    #[task(binds = SysTick, priority = 4, shared = [inputs, control])]
+    #[task(binds = SysTick, priority = 4, shared = [inputs, control, &idle_ran])]
     fn control(mut cx: control::Context) {
         let readings = cx.shared.inputs.lock(|inputs| {
             let _ = (0..STAMPS_HELD).all(|_| inputs.capture());
             inputs.poll()
         });
         // No swap: the lowest priority does not run between the two.
-        let idle_ran = IDLE_RAN.load(Ordering::Relaxed);
-        IDLE_RAN.store(false, Ordering::Relaxed);
+        let idle_ran = cx.shared.idle_ran.load(Ordering::Relaxed);
+        cx.shared.idle_ran.store(false, Ordering::Relaxed);
         cx.shared.control.lock(|control| control.run(readings, idle_ran));
     }
 }

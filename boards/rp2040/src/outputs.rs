@@ -7,6 +7,7 @@
 //! is set forward instead, as soon as the pulse is over: it then wraps when the frame has its new length, to a count or two.
 
 use pio::{Program, pio_asm};
+use rotorlead::controller::hardware::OutputHardware;
 use rotorlead::dshot::{Frame, Line, ReplyWindow, WINDOW_LEVELS, WORD_LEVELS};
 use rotorlead::settings::MOTORS;
 use rp2040_hal::pac::PWM;
@@ -136,94 +137,6 @@ impl Outputs {
         outputs
     }
 
-    /// Pulses from now on: frames of so many counts of the timer's clock over `divider`, low until the next widths.
-    pub fn set_frames(&mut self, divider: u32, counts: u32) {
-        self.force_low();
-        let counts = counts.clamp(1, 1 << 16);
-        // The slowest frames take a divider of 50.
-        let divider = divider.saturating_mul(COUNT_CYCLES).clamp(1, u8::MAX.into()) as u8;
-        for slice in self.slices() {
-            slice.csr().reset();
-            slice.div().write(|w| w.int().variant(divider));
-            slice.ctr().reset();
-            slice.cc().reset();
-            slice.top().write(|w| w.top().variant((counts - 1) as u16));
-        }
-        (self.counts, self.end) = (counts, counts);
-        (self.skipped, self.last, self.written, self.running) = (0, 0, 0, 0);
-        // Both at once.
-        self.slices.en().write(|w| {
-            w.ch3().set_bit();
-            w.ch4().set_bit()
-        });
-        self.connect(FUNCSEL_A::PWM, Pull::Down);
-    }
-
-    /// Frames of DShot from now on, low until the first; with those that are answered the lines are pulled up.
-    pub fn set_line(&mut self, line: Line) {
-        self.force_low();
-        let pull = if line.is_bidirectional {
-            (self.mask, self.most_waiting) = (0xffff_0000 | (WINDOW_LEVELS - 1), MOST_WAITING_ANSWERED);
-            let divider = Divider::of(CORE_HZ, line.speed.bits_per_s() * ANSWERED_BIT_CYCLES);
-            let direction = Direction::Both { out: 16, collected: Some(WORD_LEVELS) };
-            self.machines.load(&answered_frames(), divider, direction, OUTPUT_1);
-            Pull::Up
-        } else {
-            (self.mask, self.most_waiting) = (0, MOST_WAITING);
-            // Whole cycles, so that all bits have one length: 0.2 % short.
-            let divider = Divider::whole(CORE_HZ, line.speed.bits_per_s() * BIT_CYCLES);
-            self.machines.load(&frames(), divider, Direction::Out, OUTPUT_1);
-            Pull::Down
-        };
-        self.machines.start();
-        self.connect(FUNCSEL_A::PIO1, pull);
-    }
-
-    /// Widths of the next pulses, in counts. Once in each tick, of which every frame has more than one.
-    #[inline]
-    pub fn set(&mut self, widths: [u32; MOTORS]) {
-        let count = self.counter();
-        if count < self.last {
-            (self.running, self.skipped) = (self.written, 0);
-        }
-        self.last = count;
-        let [first, second, third, fourth] = widths.map(|width| width.min(u16::MAX.into()) as u16);
-        for (slice, (a, b)) in self.slices().into_iter().zip([(first, second), (third, fourth)]) {
-            slice.cc().write(|w| {
-                w.a().variant(a);
-                w.b().variant(b)
-            });
-        }
-        let written = first.max(second).max(third).max(fourth).into();
-        if self.counter() < count {
-            // It has wrapped meanwhile: which widths run is not known.
-            (self.running, self.skipped, self.last) = (self.written.max(written), 0, 0);
-            self.written = self.running;
-            return;
-        }
-        self.written = written;
-        self.hurry();
-    }
-
-    /// Counts since the frame began.
-    #[inline]
-    pub fn frame_count(&self) -> u32 {
-        self.counter().saturating_sub(self.skipped)
-    }
-
-    /// Begins the next frame: a slice that is set to its last count wraps with the next.
-    #[inline]
-    pub fn restart_frame(&mut self) {
-        self.set_counter(self.counts - 1);
-    }
-
-    /// Ends this frame and those after it when they have lasted for so many counts.
-    #[inline]
-    pub fn end_frame_at(&mut self, counts: u32) {
-        self.end = counts;
-        self.hurry();
-    }
-
     /// Leaves out what the frame that runs is to be shorter, once its pulses are over.
     #[inline]
     fn hurry(&mut self) {
@@ -249,24 +162,6 @@ impl Outputs {
         }
     }
 
-    /// Whether a frame of DShot goes out before long.
-    #[inline]
-    pub fn can_send(&self, motor: usize) -> bool {
-        self.machines.waiting(motor) < self.most_waiting
-    }
-
-    /// Sends one.
-    #[inline]
-    pub fn send(&mut self, motor: usize, frame: Frame) {
-        self.machines.push(motor, u32::from(frame.to_bits()) << 16 ^ self.mask);
-    }
-
-    /// What a line was behind a frame.
-    #[inline]
-    pub fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
-        self.machines.pop_two(motor).map(|(first, second)| ReplyWindow::new(first, second))
-    }
-
     fn force_low(&self) {
         connect_low(&self.pins);
         self.slices.en().reset();
@@ -282,6 +177,106 @@ impl Outputs {
     #[inline]
     fn slices(&self) -> [&CH; 2] {
         SLICES.map(|slice| self.slices.ch(slice))
+    }
+}
+
+impl OutputHardware for Outputs {
+    fn set_frames(&mut self, divider: u32, counts: u32) {
+        self.force_low();
+        let counts = counts.clamp(1, 1 << 16);
+        // The slowest frames take a divider of 50.
+        let divider = divider.saturating_mul(COUNT_CYCLES).clamp(1, u8::MAX.into()) as u8;
+        for slice in self.slices() {
+            slice.csr().reset();
+            slice.div().write(|w| w.int().variant(divider));
+            slice.ctr().reset();
+            slice.cc().reset();
+            slice.top().write(|w| w.top().variant((counts - 1) as u16));
+        }
+        (self.counts, self.end) = (counts, counts);
+        (self.skipped, self.last, self.written, self.running) = (0, 0, 0, 0);
+        // Both at once.
+        self.slices.en().write(|w| {
+            w.ch3().set_bit();
+            w.ch4().set_bit()
+        });
+        self.connect(FUNCSEL_A::PWM, Pull::Down);
+    }
+
+    fn set_line(&mut self, line: Line) {
+        self.force_low();
+        let pull = if line.is_bidirectional {
+            (self.mask, self.most_waiting) = (0xffff_0000 | (WINDOW_LEVELS - 1), MOST_WAITING_ANSWERED);
+            let divider = Divider::of(CORE_HZ, line.speed.bits_per_s() * ANSWERED_BIT_CYCLES);
+            let direction = Direction::Both { out: 16, collected: Some(WORD_LEVELS) };
+            self.machines.load(&answered_frames(), divider, direction, OUTPUT_1);
+            Pull::Up
+        } else {
+            (self.mask, self.most_waiting) = (0, MOST_WAITING);
+            // Whole cycles, so that all bits have one length: 0.2 % short.
+            let divider = Divider::whole(CORE_HZ, line.speed.bits_per_s() * BIT_CYCLES);
+            self.machines.load(&frames(), divider, Direction::Out, OUTPUT_1);
+            Pull::Down
+        };
+        self.machines.start();
+        self.connect(FUNCSEL_A::PIO1, pull);
+    }
+
+    /// Once in each tick, of which every frame has more than one.
+    #[inline]
+    fn set_widths(&mut self, widths: [u32; MOTORS]) {
+        let count = self.counter();
+        if count < self.last {
+            (self.running, self.skipped) = (self.written, 0);
+        }
+        self.last = count;
+        let [first, second, third, fourth] = widths.map(|width| width.min(u16::MAX.into()) as u16);
+        for (slice, (a, b)) in self.slices().into_iter().zip([(first, second), (third, fourth)]) {
+            slice.cc().write(|w| {
+                w.a().variant(a);
+                w.b().variant(b)
+            });
+        }
+        let written = first.max(second).max(third).max(fourth).into();
+        if self.counter() < count {
+            // It has wrapped meanwhile: which widths run is not known.
+            (self.running, self.skipped, self.last) = (self.written.max(written), 0, 0);
+            self.written = self.running;
+            return;
+        }
+        self.written = written;
+        self.hurry();
+    }
+
+    #[inline]
+    fn frame_count(&self) -> u32 {
+        self.counter().saturating_sub(self.skipped)
+    }
+
+    #[inline]
+    fn restart_frame(&mut self) {
+        self.set_counter(self.counts - 1);
+    }
+
+    #[inline]
+    fn end_frame_at(&mut self, counts: u32) {
+        self.end = counts;
+        self.hurry();
+    }
+
+    #[inline]
+    fn can_send(&self, motor: usize) -> bool {
+        self.machines.waiting(motor) < self.most_waiting
+    }
+
+    #[inline]
+    fn send(&mut self, motor: usize, frame: Frame) {
+        self.machines.push(motor, u32::from(frame.to_bits()) << 16 ^ self.mask);
+    }
+
+    #[inline]
+    fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
+        self.machines.pop_two(motor).map(|(first, second)| ReplyWindow::new(first, second))
     }
 }
 

@@ -1,7 +1,7 @@
 //! From reset to a running board.
 
 use heapless::spsc::{Consumer, Producer};
-use rotorlead::controller::BoardFacts;
+use rotorlead::controller::hardware::{BoardFacts, ControlParts};
 use rotorlead::link::BrownOut;
 use rotorlead::systick::ControlTimer;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
@@ -11,7 +11,7 @@ use crate::boot;
 use crate::clocks::{self, Parts};
 use crate::inputs::{self, Capture, InputFrames};
 use crate::outputs::Outputs;
-use crate::parts::{BoardStatus, ControlParts};
+use crate::parts::{BoardStatus, Rp2040};
 use crate::pinout::{JUMPER, LED};
 use crate::pins::{Pins, Pull};
 use crate::postmortem;
@@ -40,7 +40,7 @@ pub struct Board {
     /// Inputs.
     pub capture: Capture,
     /// What the control task drives; its ticks are not started.
-    pub control: ControlParts,
+    pub control: ControlParts<Rp2040>,
     /// The link.
     pub serial: Serial,
     /// Where the settings are.
@@ -81,7 +81,7 @@ impl Board {
                 input_frames: InputFrames::new(timer()),
                 outputs,
                 timer: ControlTimer::new(core.SYST, clocks.core_hz),
-                thrust_adc: ThrustAdc::new(device.ADC, &pins),
+                thrust: ThrustAdc::new(device.ADC, &pins),
                 watchdog,
             },
             serial: Serial::new(device.UART0, &pins, queues.received, queues.to_send),

@@ -1,5 +1,6 @@
 //! The converter, input 0: the amplifier of the thrust sensor, one conversion per control tick.
 
+use rotorlead::controller::hardware::ThrustConverter;
 use rp2040_hal::pac::ADC;
 
 use crate::pinout::THRUST;
@@ -21,16 +22,16 @@ impl ThrustAdc {
         });
         Self { converter, last: 0 }
     }
+}
 
-    /// Begins a conversion.
+impl ThrustConverter for ThrustAdc {
     #[inline]
-    pub fn start(&mut self) {
+    fn start(&mut self) {
         self.converter.cs().modify(|_, w| w.start_once().set_bit());
     }
 
-    /// The result of the last one that has ended. Does not wait.
     #[inline]
-    pub fn read(&mut self) -> u16 {
+    fn read(&mut self) -> u16 {
         if self.converter.cs().read().ready().bit() {
             self.last = self.converter.result().read().result().bits();
         }

@@ -1,6 +1,7 @@
 //! The watchdog: counts the crystal's microseconds, and resets all but the oscillators when it is not fed.
 
 use cortex_m::peripheral::SCB;
+use rotorlead::controller::hardware::{self, Watchdog as _};
 use rp2040_hal::pac::{PSM, WATCHDOG};
 
 /// Longest time without a feed while starting or while the flash stalls, the longest that there is: the design of the filter is some
@@ -31,16 +32,16 @@ impl Watchdog {
         });
         watchdog
     }
+}
 
-    /// One of its two times, from now on.
-    pub fn set_patient(&mut self, patient: bool) {
+impl hardware::Watchdog for Watchdog {
+    fn set_patient(&mut self, patient: bool) {
         self.load = COUNTS_PER_US * if patient { PATIENT_US } else { RUN_US };
         self.feed();
     }
 
-    /// Begins the time anew.
     #[inline]
-    pub fn feed(&mut self) {
+    fn feed(&mut self) {
         self.registers.load().write(|w| w.load().variant(self.load));
     }
 }

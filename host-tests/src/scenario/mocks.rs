@@ -98,7 +98,7 @@ impl<'a> Board<'a> {
 
     /// Lets time pass up to the next control tick, and runs it.
     fn tick(&mut self) {
-        let tick_rate_hz = self.rig.hardware.board.control.hardware_mut().tick_rate_hz;
+        let tick_rate_hz = self.rig.hardware.board.control.parts_mut().timer.rate_hz;
         let tick = CYCLES_PER_S / u64::from(tick_rate_hz);
         self.now += tick;
         self.count();
@@ -127,16 +127,16 @@ impl<'a> Board<'a> {
                 continue;
             }
             let motor = usize::from(edge.pin - INPUT_1);
-            if let Some(line) = board.control.hardware_mut().input_line {
+            if let Some(line) = board.control.parts_mut().input_frames.line {
                 let word = self.words[motor].edge(edge, line.speed);
-                board.control.hardware_mut().words[motor].extend(word);
+                board.control.parts_mut().input_frames.words[motor].extend(word);
             }
         }
         while let Some(stamp) = self.stamps.get(self.stamps_seen).filter(|stamp| stamp.made < now) {
             self.stamps_seen += 1;
             let board = &mut rig.hardware.board;
             let motor = usize::from(stamp.edge.pin - INPUT_1);
-            let has_pulses = board.control.hardware_mut().input_line.is_none();
+            let has_pulses = board.control.parts_mut().input_frames.line.is_none();
             if has_pulses && stamp.made >= START && board.capture.get().listening[motor] != Listening::Off {
                 let timestamp = (stamp.edge.cycle / CYCLES_PER_COUNT) as u32;
                 board.capture.get().edges[motor] =
@@ -144,15 +144,15 @@ impl<'a> Board<'a> {
                 board.inputs.capture();
             }
         }
-        let hardware = rig.hardware.board.control.hardware_mut();
-        if let Some(Line { speed, .. }) = hardware.input_line {
-            for (line, words) in self.words.iter_mut().zip(&mut hardware.words) {
+        let parts = rig.hardware.board.control.parts_mut();
+        if let Some(Line { speed, .. }) = parts.input_frames.line {
+            for (line, words) in self.words.iter_mut().zip(&mut parts.input_frames.words) {
                 words.extend(line.pause(now, speed));
             }
         }
         while let Some((_, count)) = play.thrust.get(self.thrust_seen).filter(|(cycle, _)| *cycle < now) {
             self.thrust_seen += 1;
-            hardware.conversion = *count;
+            parts.thrust.reading = *count;
         }
         while let Some((_, request)) = play.requests.get(self.requests_seen).filter(|(cycle, _)| *cycle < now) {
             self.requests_seen += 1;
@@ -162,16 +162,16 @@ impl<'a> Board<'a> {
 
     /// Lets the counter of the outputs go on up to now, and notes the pulses that begin.
     fn count(&mut self) {
-        let hardware = self.rig.hardware.board.control.hardware_mut();
-        if hardware.output_line.is_some() {
+        let outputs = &mut self.rig.hardware.board.control.parts_mut().outputs;
+        if outputs.line.is_some() {
             self.counted = self.now;
             return;
         }
-        let cycles = CYCLES_PER_COUNT * u64::from(hardware.frames.0);
+        let cycles = CYCLES_PER_COUNT * u64::from(outputs.frames.0);
         let counts = (self.now - self.counted) / cycles;
-        let before = hardware.time;
-        hardware.advance(counts as u32);
-        for (time, widths) in std::mem::take(&mut hardware.pulses) {
+        let before = outputs.time;
+        outputs.advance(counts as u32);
+        for (time, widths) in std::mem::take(&mut outputs.pulses) {
             let rise = self.counted + (time - before) * cycles;
             for (pin, width) in (OUTPUT_1..).zip(widths).filter(|(_, width)| *width > 0) {
                 let fall = rise + u64::from(width) * cycles;
@@ -183,9 +183,9 @@ impl<'a> Board<'a> {
 
     /// Notes the frames that the tick has sent, each behind the one before.
     fn send(&mut self) {
-        let hardware = self.rig.hardware.board.control.hardware_mut();
-        let Some(Line { speed, .. }) = hardware.output_line else { return };
-        for (motor, sent) in hardware.sent.iter_mut().enumerate() {
+        let outputs = &mut self.rig.hardware.board.control.parts_mut().outputs;
+        let Some(Line { speed, .. }) = outputs.line else { return };
+        for (motor, sent) in outputs.sent.iter_mut().enumerate() {
             for frame in sent.drain(..) {
                 let start = self.free[motor].max(self.now);
                 // 16 bits, and a gap of 12.

@@ -52,7 +52,7 @@ fn start(settings: &Validated, facts: BoardFacts) -> (TestBoard, Origin) {
 /// A control tick with a frame at every input.
 fn tick(board: &mut TestBoard, value: u16) {
     let frame = Frame::new(Value::new(value).unwrap(), false, Checksum::Normal);
-    board.control.hardware_mut().words.iter_mut().for_each(|words| words.push_back(Word::from(frame)));
+    board.control.parts_mut().input_frames.words.iter_mut().for_each(|words| words.push_back(Word::from(frame)));
     run(board);
 }
 
@@ -62,15 +62,15 @@ fn run(board: &mut TestBoard) {
 }
 
 fn sent(board: &mut TestBoard, motor: usize) -> Vec<u16> {
-    std::mem::take(&mut board.control.hardware_mut().sent[motor]).iter().map(|frame| frame.value().get()).collect()
+    std::mem::take(&mut board.control.parts_mut().outputs.sent[motor]).iter().map(|frame| frame.value().get()).collect()
 }
 
 #[test]
 fn a_frame_that_goes_out_has_what_the_channel_gives_and_the_compensators_answer() {
     let settings = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot300);
     let (mut board, _) = start(&settings, facts(CRYSTAL));
-    assert_eq!(board.control.hardware_mut().input_line, Some(Line::one_way(Speed::Dshot600)));
-    assert_eq!(board.control.hardware_mut().output_line, Some(Line::one_way(Speed::Dshot300)));
+    assert_eq!(board.control.parts_mut().input_frames.line, Some(Line::one_way(Speed::Dshot600)));
+    assert_eq!(board.control.parts_mut().outputs.line, Some(Line::one_way(Speed::Dshot300)));
     (0..10).for_each(|_| tick(&mut board, 0));
     // Three frames make an input live: none goes out before.
     assert_eq!(sent(&mut board, 0), [0; 8]);
@@ -207,7 +207,7 @@ fn a_board_without_dshot_refuses_it_and_does_not_start_with_it() {
         assert_eq!(origin, Origin::DefaultsBad);
         let channels = channels(&settings, filters(&settings).unwrap()).unwrap();
         assert_eq!(board.reconfigure(&settings, channels), Err(Refusal::NoDshot));
-        assert_eq!(board.control.hardware_mut().output_line, None);
+        assert_eq!(board.control.parts_mut().outputs.line, None);
     }
 }
 
@@ -219,13 +219,13 @@ fn frames_of_an_input_are_counted_and_its_pulses_are_left_alone() {
     assert!(!board.inputs.capture());
     (0..10).for_each(|_| tick(&mut board, 0));
     for bad in [0, 1, 1 << 16 | 0x0124, 1 << 17] {
-        board.control.hardware_mut().words[2].push_back(Word::new(bad));
+        board.control.parts_mut().input_frames.words[2].push_back(Word::new(bad));
     }
     run(&mut board);
     let faults = board.counts().motors;
     assert_eq!(faults.map(|motor| motor.bad_frames), [0, 0, 4, 0]);
     // Words that the board has lost.
-    board.control.hardware_mut().has_lost_words[1] = true;
+    board.control.parts_mut().input_frames.has_lost_words[1] = true;
     run(&mut board);
     assert_eq!(board.counts().motors.map(|motor| motor.dropped_frames), [0, 1, 0, 0]);
     // 100 ms without a frame.
@@ -243,28 +243,28 @@ fn window(levels: u32) -> ReplyWindow {
 /// A control tick with a frame of a bidirectional line at every input, and what the ESCs have answered.
 fn answered_tick(board: &mut TestBoard, replies: [Option<u32>; 4]) {
     let frame = Frame::new(Value::new(0).unwrap(), false, Checksum::Inverted);
-    let hardware = board.control.hardware_mut();
+    let parts = board.control.parts_mut();
     for (motor, reply) in replies.into_iter().enumerate() {
-        hardware.words[motor].push_back(Word::from(frame));
-        hardware.windows[motor].push_back(window(reply.unwrap_or(u32::MAX)));
+        parts.input_frames.words[motor].push_back(Word::from(frame));
+        parts.outputs.windows[motor].push_back(window(reply.unwrap_or(u32::MAX)));
     }
     run(board);
 }
 
 fn offers(board: &mut TestBoard) -> [Vec<Offer>; 4] {
-    let hardware = board.control.hardware_mut();
-    hardware.are_taken = [true; 4];
-    std::mem::take(&mut hardware.offers)
+    let inputs = &mut board.control.parts_mut().input_frames;
+    inputs.are_taken = [true; 4];
+    std::mem::take(&mut inputs.offers)
 }
 
 #[test]
 fn replies_go_to_the_flight_controller_of_their_motor_and_are_counted() {
     let settings = settings(PulseProtocol::Dshot600Bidirectional, PulseProtocol::Dshot300Bidirectional);
     let (mut board, _) = start(&settings, facts(CRYSTAL));
-    let hardware = board.control.hardware_mut();
-    assert_eq!(hardware.input_line, Some(Line::bidirectional(Speed::Dshot600)));
-    assert_eq!(hardware.output_line, Some(Line::bidirectional(Speed::Dshot300)));
-    hardware.are_taken = [true; 4];
+    let parts = board.control.parts_mut();
+    assert_eq!(parts.input_frames.line, Some(Line::bidirectional(Speed::Dshot600)));
+    assert_eq!(parts.outputs.line, Some(Line::bidirectional(Speed::Dshot300)));
+    parts.input_frames.are_taken = [true; 4];
     let reply = Reply::from_period_us(Some(700));
     let good = Some(reply.to_levels());
     // Before its input is live a motor's replies go nowhere.
@@ -276,7 +276,7 @@ fn replies_go_to_the_flight_controller_of_their_motor_and_are_counted() {
     let [first, bad, none, fourth] = offers(&mut board);
     assert_eq!((&first[..], &fourth[..]), (&[Offer::Reply(reply)][..], &[Offer::Reply(reply)][..]));
     assert!(bad.is_empty() && none.is_empty());
-    let frame = board.control.hardware_mut().sent[0].last().copied().unwrap();
+    let frame = board.control.parts_mut().outputs.sent[0].last().copied().unwrap();
     assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));
     let counts = board.counts().motors.map(|motor| (motor.replies, motor.bad_replies));
     assert_eq!(counts, [(3, 0), (2, 1), (2, 0), (3, 0)]);
@@ -304,8 +304,8 @@ fn the_speed_of_a_reply_is_recorded_until_three_frames_have_none() {
     replies.extend([None; 20]);
     for reply in &replies {
         let levels = reply.map_or(u32::MAX, Reply::to_levels);
-        board.control.hardware_mut().windows[2].push_back(window(levels));
-        board.control.hardware_mut().windows[1].push_back(window(Reply::from_payload(1).to_levels()));
+        board.control.parts_mut().outputs.windows[2].push_back(window(levels));
+        board.control.parts_mut().outputs.windows[1].push_back(window(Reply::from_payload(1).to_levels()));
         run(&mut board);
     }
     handler.answer(Tagged { tag: 2, message: Request::Record(None) }, FrameFaults::default(), &mut board);
@@ -339,7 +339,7 @@ fn no_reply_is_offered_while_the_flash_stalls_the_core() {
 fn outputs_alone_may_be_bidirectional_and_inputs_alone_are_refused() {
     let one_way = settings(PulseProtocol::StandardPwm, PulseProtocol::Dshot600Bidirectional);
     let (mut board, _) = start(&one_way, facts(CRYSTAL));
-    board.control.hardware_mut().windows[2].push_back(window(Reply::from_period_us(Some(99)).to_levels()));
+    board.control.parts_mut().outputs.windows[2].push_back(window(Reply::from_period_us(Some(99)).to_levels()));
     run(&mut board);
     assert_eq!(board.counts().motors.map(|motor| motor.replies), [0, 0, 1, 0]);
     for output in [PulseProtocol::StandardPwm, PulseProtocol::Dshot600] {

@@ -1,6 +1,6 @@
 //! From a flight controller's pulse to the ESC's: the controller's own tick and frames, on a timer in memory.
 
-use host_tests::board::{CRYSTAL, TestBoard, TestOutputs, facts};
+use host_tests::board::{CRYSTAL, TestBoard, TestHardware, TestOutputs, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::SECTOR;
 use rotorlead::capture::{Reading, Signal};
@@ -88,9 +88,9 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     store.save(settings).unwrap();
     let (mut board, ..) = TestBoard::start(store, facts(CRYSTAL));
     board.control.reconfigure(settings, &channels(settings), plan);
-    let control: &mut Control<TestOutputs> = &mut board.control;
-    control.hardware_mut().starts.clear();
-    control.hardware_mut().interrupted = interrupted;
+    let control: &mut Control<TestHardware> = &mut board.control;
+    control.parts_mut().outputs.starts.clear();
+    control.parts_mut().outputs.interrupted = interrupted;
 
     let input = PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
     let counter_hz = f64::from(frames(plan).counter_hz);
@@ -101,9 +101,9 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     let (mut begun, mut all) = (Vec::new(), Vec::new());
     let (mut next, mut frames_seen) = (0_u32, 0);
     // Every pulse that waits goes out with the first frame since.
-    let mut go_out = |hardware: &TestOutputs, begun: &mut Vec<f64>| {
-        let starts = &hardware.starts[frames_seen..];
-        frames_seen = hardware.starts.len();
+    let mut go_out = |outputs: &TestOutputs, begun: &mut Vec<f64>| {
+        let starts = &outputs.starts[frames_seen..];
+        frames_seen = outputs.starts.len();
         if let Some(&start) = starts.first() {
             let start_s = start as f64 / counter_hz;
             all.extend(begun.drain(..).map(|rise_s| 1e3 * (start_s - rise_s)));
@@ -112,10 +112,10 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     let ticks = ((CATCH_UP_S + MEASURED_S) / tick_s) as u32;
     for tick in 1..=ticks {
         let now_s = f64::from(tick) * tick_s;
-        let hardware = control.hardware_mut();
-        let step = f64::from(tick) * counts_per_tick - hardware.time as f64;
-        hardware.advance(step.max(0.0).round() as u32);
-        go_out(hardware, &mut begun);
+        let outputs = &mut control.parts_mut().outputs;
+        let step = f64::from(tick) * counts_per_tick - outputs.time as f64;
+        outputs.advance(step.max(0.0).round() as u32);
+        go_out(outputs, &mut begun);
         // The newest pulse that has ended.
         let mut signal = if next == 0 { Signal::Nothing } else { Signal::Unchanged };
         loop {
@@ -129,12 +129,12 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
             next += 1;
         }
         control.run([signal.into(), Reading::NOTHING, Reading::NOTHING, Reading::NOTHING], true);
-        go_out(control.hardware_mut(), &mut begun);
+        go_out(&control.parts_mut().outputs, &mut begun);
     }
     // Until the frames have caught up with the input, which takes them long where their rates are nearly the same.
     all.drain(..(CATCH_UP_S / period_s) as usize);
-    let lengths: Vec<f64> =
-        control.hardware_mut().starts.windows(2).skip(20).map(|pair| (pair[1] - pair[0]) as f64 / counter_hz).collect();
+    let starts = &control.parts_mut().outputs.starts;
+    let lengths: Vec<f64> = starts.windows(2).skip(20).map(|pair| (pair[1] - pair[0]) as f64 / counter_hz).collect();
     let extremes = lengths.iter().fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], &s| [low.min(s), high.max(s)]);
     let count = all.len() as f64;
     let mean = all.iter().sum::<f64>() / count;

@@ -66,7 +66,7 @@ impl Flight {
 
     /// Counts of the pulses of the next frame.
     fn widths(&mut self) -> [u32; MOTORS] {
-        self.rig.hardware.board.control.hardware_mut().next_widths
+        self.rig.hardware.board.control.parts_mut().outputs.next_widths
     }
 
     /// Those of these commands.
@@ -77,7 +77,7 @@ impl Flight {
     }
 
     fn feeds(&mut self) -> u32 {
-        self.rig.hardware.board.control.hardware_mut().feeds
+        self.rig.hardware.board.control.parts_mut().watchdog.feeds
     }
 
     fn info(&mut self) -> Info {

@@ -41,7 +41,7 @@ fn info(rig: &mut Rig) -> Info {
 fn widths(rig: &mut Rig, signal: Signal) -> [u32; MOTORS] {
     let control = &mut rig.hardware.board.control;
     control.run([signal.into(); MOTORS], true);
-    control.hardware_mut().next_widths
+    control.parts_mut().outputs.next_widths
 }
 
 /// Flashes from which no settings come: blank, bad, and with a set whose filter cannot be designed.
@@ -268,7 +268,7 @@ fn raw_duty_goes_through_from_pulse_to_pulse() {
     settings.motors.iter_mut().for_each(|motor| motor.max = bits(0.98));
     let mut rig = Rig::with(settings);
     let low = rig.pulse(0.02);
-    let counts = rig.hardware.board.control.hardware_mut().frames.1;
+    let counts = rig.hardware.board.control.parts_mut().outputs.frames.1;
     // 84 MHz over 3 and over 600.
     assert_eq!(counts, 46_667);
     for (value, expected) in [(0.02, 0.02), (0.5, 0.5), (0.75, 0.75)] {
@@ -287,7 +287,7 @@ fn a_late_tick_is_counted_and_a_second_in_a_row_ends_an_excitation() {
     let mut rig = Rig::with(settings);
     assert_eq!(rig.ask(&excite(LineSet::Odd30Hz)), Message::Done);
     let run = |rig: &mut Rig, due: bool| {
-        rig.hardware.board.control.hardware_mut().tick_due = due;
+        rig.hardware.board.control.parts_mut().timer.is_due = due;
         rig.ask(&Request::KeepAlive);
         widths(rig, Signal::Nothing);
         rig.hardware.tick_mut().motors()[0].channel().command()
@@ -338,17 +338,17 @@ fn hardware_trace(mut rig: Rig, settings: &Validated) -> HardwareTrace {
     let ticks_per_frame = rate / u32::from(settings.input.frame_hz);
     let mut ticks = Vec::new();
     for n in 0..2000_u32 {
-        let hardware = control.hardware_mut();
-        hardware.advance(timer_hz / hardware.frames.0 / rate);
+        let outputs = &mut control.parts_mut().outputs;
+        outputs.advance(timer_hz / outputs.frames.0 / rate);
         let command = Command::saturating_from_f64(if n < 500 { 0.021 } else { 0.25 });
         let pulse =
             Signal::Pulse { width_ticks: scale.to_ticks(command), period_ticks: timer_hz / rate * ticks_per_frame };
         let signal = if n % ticks_per_frame == 0 { pulse } else { Signal::Unchanged };
         control.run([signal.into(); MOTORS], true);
-        ticks.push((control.hardware_mut().frames, control.hardware_mut().next_widths));
+        ticks.push((control.parts_mut().outputs.frames, control.parts_mut().outputs.next_widths));
     }
-    let hardware = control.hardware_mut();
-    HardwareTrace { tick_rate_hz: hardware.tick_rate_hz, ticks, starts: std::mem::take(&mut hardware.starts) }
+    let parts = control.parts_mut();
+    HardwareTrace { tick_rate_hz: parts.timer.rate_hz, ticks, starts: std::mem::take(&mut parts.outputs.starts) }
 }
 
 /// The scales, the frames, whether they follow the input, and the rates: all are those of the new set.
@@ -419,10 +419,10 @@ fn the_watchdog_is_fed_for_20_s_without_the_lowest_priority() {
         assert!(matches!(rig.ask(&set), Message::SettingsTaken(_)));
         let control = &mut rig.hardware.board.control;
         control.run([Reading::NOTHING; MOTORS], true);
-        let (mut feeds, mut last_feed) = (control.hardware_mut().feeds, 0);
+        let (mut feeds, mut last_feed) = (control.parts_mut().watchdog.feeds, 0);
         for n in 1..=25 * loop_rate_hz {
             control.run([Reading::NOTHING; MOTORS], false);
-            if std::mem::replace(&mut feeds, control.hardware_mut().feeds) != feeds {
+            if std::mem::replace(&mut feeds, control.parts_mut().watchdog.feeds) != feeds {
                 // Not in every tick, and long before the watchdog bites.
                 assert!(n - last_feed <= REVIEW_TICKS, "none from {last_feed} to {n} at {loop_rate_hz} Hz");
                 last_feed = n;
@@ -432,21 +432,21 @@ fn the_watchdog_is_fed_for_20_s_without_the_lowest_priority() {
         for _ in 0..REVIEW_TICKS {
             control.run([Reading::NOTHING; MOTORS], true);
         }
-        assert!(control.hardware_mut().feeds > feeds);
+        assert!(control.parts_mut().watchdog.feeds > feeds);
     }
 }
 
 #[test]
 fn the_watchdog_is_patient_only_while_the_flash_stalls() {
     let mut rig = Rig::new();
-    let patient = |rig: &mut Rig| rig.hardware.board.control.hardware_mut().patient;
+    let patient = |rig: &mut Rig| rig.hardware.board.control.parts_mut().watchdog.patient;
     assert!(!patient(&mut rig));
     rig.hardware.during_save = vec![[Signal::Nothing; MOTORS]];
     assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
     assert_eq!(rig.hardware.patient_during_save, [true]);
     assert!(!patient(&mut rig));
     widths(&mut rig, Signal::Nothing);
-    assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 1);
+    assert_eq!(rig.hardware.board.control.parts_mut().watchdog.feeds, 1);
     rig.hardware.board.control.run([Reading::NOTHING; MOTORS], false);
-    assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 2, "the lowest priority may be away for a while");
+    assert_eq!(rig.hardware.board.control.parts_mut().watchdog.feeds, 2, "the lowest priority may be away for a while");
 }

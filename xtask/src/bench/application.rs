@@ -150,8 +150,10 @@ impl Interrupts {
 const PAPER_POLES_RAD_S: [(f64, f64); 6] =
     [(0.40, 6.2758), (0.45, 7.3524), (0.50, 9.2889), (0.55, 9.9130), (0.60, 11.7439), (0.65, 14.1275)];
 
-/// The application's own mark that its clock tells pulses apart.
-const PULSES_ARE_EXACT: &str = "rotorlead_firmware::board::parts::PULSES_ARE_EXACT";
+/// What judges the clock.
+const JUDGES_CLOCK: &str = "rotorlead::controller::clock::ClockReport::tells_pulses_apart";
+/// A function that says yes: `movs r0, #1` and `bx lr`.
+const YES: u32 = 0x4770_2001;
 
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
@@ -484,10 +486,9 @@ impl<'a> Stand<'a> {
         let Machine { mut debugger, mut link, qemu } = Machine::start(image_path)?;
         let handlers = Handlers::of(image)?;
         debugger.run_to(handlers.tick)?;
-        // The emulator has no crystal, and without one the application does not let pulses arm.
-        let exact =
-            image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
-        debugger.set_byte(exact, 1)?;
+        // The emulator has no crystal, and its timers a clock of their own. Without a good one the application does not let pulses arm.
+        let judges = image.function_named(JUDGES_CLOCK).ok_or_else(|| format!("the image has no {JUDGES_CLOCK}"))?;
+        debugger.set_words(image.functions[judges].address, &[YES])?;
         let timer_hz = set(&mut debugger, &mut link, settings)?;
         let settings = settings.clone().validate().map_err(|error| error.to_string())?;
         let library = Library::new(&settings, timer_hz)?;

@@ -34,8 +34,6 @@ impl Function {
 pub struct Image {
     /// Ordered by address.
     pub functions: Vec<Function>,
-    /// Names, demangled, and addresses of what lies in RAM or flash beside them.
-    statics: Vec<(String, u32)>,
     /// Address and content of what is loaded.
     sections: Vec<(u32, Vec<u8>)>,
     /// Begins of instructions and of data among them, by address: `true` is data.
@@ -60,7 +58,7 @@ impl Image {
     pub fn read(bytes: &[u8]) -> Result<Self> {
         let file = ElfFile32::<object::Endianness>::parse(bytes).map_err(|error| error.to_string())?;
         let mut functions: Vec<Function> = Vec::new();
-        let (mut statics, mut marks) = (Vec::new(), Vec::new());
+        let mut marks = Vec::new();
         let (mut stack_start, mut stack_end) = (0, 0);
         for symbol in file.symbols() {
             let (Ok(name), address) = (symbol.name(), symbol.address() as u32) else { continue };
@@ -74,9 +72,6 @@ impl Image {
                     address: address & !1,
                     size: symbol.size() as u32,
                 }),
-                _ if symbol.kind() == SymbolKind::Data => {
-                    statics.push((format!("{:#}", rustc_demangle::demangle(name)), address));
-                }
                 _ => {}
             }
         }
@@ -96,7 +91,6 @@ impl Image {
 
         let mut image = Self {
             functions,
-            statics,
             sections: vec![],
             marks,
             taken: vec![],
@@ -158,12 +152,6 @@ impl Image {
     /// The function with this name.
     pub fn function_named(&self, name: &str) -> Option<usize> {
         self.functions.iter().position(|function| function.names.iter().any(|known| known == name))
-    }
-
-    /// Address of the static with this name, which the compiler may have numbered.
-    pub fn static_named(&self, name: &str) -> Option<u32> {
-        let is_it = |known: &str| known.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        self.statics.iter().find(|(known, _)| is_it(known)).map(|(_, address)| *address)
     }
 
     /// Two bytes of what is loaded.
