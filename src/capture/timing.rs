@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::throttle::{Protocol, PulseError, PulseScale};
+use crate::protocol::{Protocol, PulseError};
 
 /// Slowest input frame rate, hertz: servo outputs run at 50 Hz, less a fifth for odd ones.
 pub const SLOWEST_FRAME_HZ: u32 = 40;
@@ -110,7 +110,7 @@ impl Timing {
         if poll_hz < SLOWEST_POLL_HZ {
             return Err(TimingError::PollRate { poll_hz });
         }
-        let scale = PulseScale::new(protocol, timer_hz)?;
+        let scale = protocol.scale(timer_hz)?;
         let (low, high) = (scale.low_ticks(), scale.high_ticks());
         let glitch = (timer_hz / 1_000_000 * GLITCH_US).max(1);
         let timeout = timer_hz / 1000 * TIMEOUT_MS;

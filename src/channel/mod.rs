@@ -160,8 +160,8 @@ pub struct Channel {
     settings: ChannelSettings,
     /// Stop pulses that are still to come, in ticks, while the motor is at rest without a disarmed command.
     stop_ticks_left: u32,
-    /// Ticks since the output was last something else than a stop pulse or none, or the command one that should turn the motor, up to
-    /// the highest value: that of a channel that has seen neither.
+    /// Ticks since the output was last something else than a stop pulse or none, or the command one that should turn the motor, or
+    /// since the start: what was before is not known.
     rest_ticks: u32,
     last_end: Option<End>,
     /// Excitations that ended because the host was silent; wraps.
@@ -181,7 +181,7 @@ impl Channel {
             compensator: Compensator::new(filter, settings.idle, settings.max),
             settings: *settings,
             stop_ticks_left: 0,
-            rest_ticks: u32::MAX,
+            rest_ticks: 0,
             last_end: None,
             dead_man_ends: 0,
         })
@@ -455,10 +455,16 @@ impl Channel {
         self.compensator.reset(command);
     }
 
-    /// Ticks for which the output has been at a stop pulse or none; the highest number where it never was anything else.
+    /// Ticks for which the output has been at a stop pulse or none, since the start at most.
     #[must_use]
     pub const fn rest_ticks(&self) -> u32 {
         self.rest_ticks
+    }
+
+    /// The channel that follows one which was at rest for so many ticks.
+    pub(crate) const fn at_rest_for(mut self, ticks: u32) -> Self {
+        self.rest_ticks = ticks;
+        self
     }
 
     /// The host is still there.

@@ -130,11 +130,7 @@ impl<H: ControlHardware> Control<H> {
             turn_us: replies.map_or(NO_TURN, |replies| replies.turn_us(motor)),
         });
         #[cfg(feature = "planted-panic")]
-        let _ = {
-            use core::hint::black_box;
-            let beyond = commands[0].to_bits() > crate::throttle::Command::ONE.to_bits() / 2;
-            black_box(commands[black_box(if beyond { MOTORS } else { 0 })])
-        };
+        planted_panic(commands);
         match outputs {
             OutputPath::Pulses { scale, pacer } => {
                 put_out(*scale, pacer.as_mut(), commands, tick.input_pulse(), &mut parts.outputs);
@@ -148,7 +144,7 @@ impl<H: ControlHardware> Control<H> {
             OutputPath::Frames(clock) => clock.tick(commands, &mut parts.outputs),
         }
         if supervisor.tick(idle_ran, tick.input_pulse() == InputPulse::New) {
-            take_turn(tick, supervisor, recorder, &mut parts.watchdog);
+            do_chores(tick, supervisor, recorder, &mut parts.watchdog);
         }
         if parts.timer.is_due() && supervisor.late(tick.ticks()) {
             tick.stop_excitation();
@@ -221,11 +217,12 @@ impl<H: ControlHardware> Control<H> {
 
 /// What need not be done in every tick: keeps what the flight needs after a reset, and feeds the watchdog.
 #[inline(never)]
-fn take_turn(tick: &Tick, supervisor: &mut Supervisor, recorder: &mut FlightRecorder, watchdog: &mut impl Watchdog) {
+fn do_chores(tick: &Tick, supervisor: &mut Supervisor, recorder: &mut FlightRecorder, watchdog: &mut impl Watchdog) {
     if recorder.step(tick.ticks(), tick.motors()) {
-        supervisor.review(tick.ticks(), tick.is_flown());
+        let is_rested = tick.not_rested().is_none();
+        supervisor.review(tick.ticks(), tick.is_flown(), is_rested);
     }
-    if supervisor.turn() {
+    if supervisor.done() {
         watchdog.feed();
     }
 }
@@ -247,4 +244,12 @@ fn put_out(
         FrameAction::Restart => hardware.restart_frame(),
         FrameAction::EndAt(counts) => hardware.end_frame_at(counts),
     }
+}
+
+/// An index beyond the end where the first command is above one half.
+#[cfg(feature = "planted-panic")]
+fn planted_panic(commands: [EscCommand; MOTORS]) {
+    use core::hint::black_box;
+    let beyond = commands[0].to_bits() > crate::throttle::Command::ONE.to_bits() / 2;
+    black_box(commands[black_box(if beyond { MOTORS } else { 0 })]);
 }

@@ -2,8 +2,9 @@
 
 use crate::capture::{TIMEOUT_MS, Timing};
 use crate::dshot::Line;
+use crate::protocol::Protocol;
 use crate::settings::{Validated, pulse_range_us};
-use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
+use crate::throttle::{Command, EscCommand, PulseScale};
 
 /// Counts of the timer that puts out the pulses: 16 bits.
 const COUNTER_RANGE: u32 = 1 << 16;
@@ -56,7 +57,7 @@ impl Frames {
         let counter_hz = timer_hz / divider;
         let shortest = match settings.output.protocol() {
             // The duty is a share of just this many counts.
-            protocol @ Protocol::RawDuty { .. } => PulseScale::new(protocol, counter_hz).ok()?.high_ticks(),
+            protocol @ Protocol::RawDuty { .. } => protocol.scale(counter_hz).ok()?.high_ticks(),
             // Never faster than the frame rate.
             _ => counter_hz.div_ceil(output_hz),
         };
@@ -170,7 +171,7 @@ impl OutputPlan {
             return Some(Self::Dshot { line, rate });
         }
         let frames = Frames::new(settings, timer_hz)?;
-        let scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
+        let scale = settings.output.protocol().scale(frames.counter_hz).ok()?;
         // A pulse without a gap behind it would be a line that is always high.
         (longest_pulse_ticks(settings, scale) < frames.shortest).then_some(Self::Pulses { scale, frames })
     }
@@ -235,8 +236,7 @@ impl Plan {
     pub fn new(settings: &Validated, timer_hz: u32, tells_pulses_apart: bool) -> Option<Self> {
         let input = InputPlan::new(settings, timer_hz)?;
         let is_readable = tells_pulses_apart || input.timing().is_none();
-        let input_scale =
-            if is_readable { PulseScale::new(settings.input.protocol(), timer_hz).ok()? } else { PulseScale::FULL };
+        let input_scale = if is_readable { settings.input.protocol().scale(timer_hz).ok()? } else { PulseScale::FULL };
         Some(Self { input, input_scale, output: OutputPlan::new(settings, timer_hz)? })
     }
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::channel::{Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
     ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, MAX_LOAD_PERCENT, Message,
-    REST_MS, RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
+    RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
 };
 use crate::settings::{MOTORS, Origin, Settings, Store, Validated};
 use crate::throttle::{Command, EscCommand};
@@ -204,7 +204,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     fn set(&mut self, settings: Settings, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
-        self.may_change(board)?;
+        Self::may_change(board)?;
         let settings = settings.validate().map_err(Refusal::Settings)?;
         let filters = filters(&settings).map_err(|_| Refusal::Design)?;
         let channels = channels(&settings, filters).ok_or(Refusal::Design)?;
@@ -226,7 +226,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     fn save(&mut self, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
-        self.may_change(board)?;
+        Self::may_change(board)?;
         // An erase stalls the core for seconds: nobody may arm between the question and the erase.
         pause(board)?;
         board.flash_stalls(true);
@@ -257,7 +257,7 @@ impl<F: NorFlash> RequestHandler<F> {
         if source == Source::Inject {
             may_drive(board)?;
         } else if !board.is_bench_enabled() {
-            self.may_change(board)?;
+            Self::may_change(board)?;
         }
         board.tick(|tick| {
             if source == Source::Inject {
@@ -281,13 +281,12 @@ impl<F: NorFlash> RequestHandler<F> {
 
     /// Whether a host may change or store anything now: every motor is at rest, and has been for long unless somebody at the board
     /// says that nobody flies.
-    fn may_change(&self, board: &mut impl ControlAccess) -> Result<(), Refusal> {
+    fn may_change(board: &mut impl ControlAccess) -> Result<(), Refusal> {
         at_rest(board)?;
         if board.is_bench_enabled() {
             return Ok(());
         }
-        let limit = super::ticks(REST_MS, self.settings.loop_rate_hz);
-        match board.tick(|tick| tick.not_rested(limit)) {
+        match board.tick(|tick| tick.not_rested()) {
             Some(motor) => Err(Refusal::NotRested { motor }),
             None => Ok(()),
         }

@@ -2,16 +2,14 @@
 
 /// Longest time that the lowest priority may be away, milliseconds: the design of a filter, or a save.
 const IDLE_LIMIT_MS: u32 = 20_000;
-/// How long every motor must have been at rest before a hung lowest priority ends in a reset, milliseconds: a pilot who cuts the
-/// throttle in the air for a moment is still flying.
-const REST_LIMIT_MS: u32 = crate::link::REST_MS;
-/// Turns for what need not be done in every tick, per second, at the most: at the least half as many, and half as many as ticks.
-const TURNS_HZ: u32 = 5000;
+/// How often what need not be done in every tick is done, per second, at the most: at the least half as often, and in every second tick.
+const CHORES_HZ: u32 = 5000;
 
-/// Counts late ticks, watches the lowest priority, and says when the control task takes a turn at what is not for every tick.
+/// Counts late ticks, watches the lowest priority, and says when the control task does its chores: what is not for every tick.
 ///
 /// While a flight controller turns a motor the watchdog is fed whatever the lowest priority does: it only talks to the host. A hang
-/// is counted. With every motor at rest it ends in a reset, which mends it.
+/// is counted. With every motor at rest for some seconds it ends in a reset, which mends it: a pilot who cuts the throttle in the air for
+/// a moment is still flying.
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor {
     missed: u32,
@@ -20,16 +18,13 @@ pub struct Supervisor {
     /// The lowest priority has run since the last review.
     idle_ran: bool,
     is_fed: bool,
-    /// Ticks until the next turn at the latest: from twice the period down.
-    until_turn: u32,
-    turn_period: u32,
+    /// Ticks until the next chores at the latest: from twice the period down.
+    until_chores: u32,
+    chores_period: u32,
     /// The tick of the last review.
     last_review: u32,
     idle_away_ticks: u32,
     idle_limit_ticks: u32,
-    /// Since a flight controller has turned a motor.
-    rest_ticks: u32,
-    rest_limit_ticks: u32,
     idle_hangs: u32,
 }
 
@@ -42,13 +37,11 @@ impl Supervisor {
             last_missed: 0,
             idle_ran: false,
             is_fed: true,
-            until_turn: 0,
-            turn_period: 0,
+            until_chores: 0,
+            chores_period: 0,
             last_review: 0,
             idle_away_ticks: 0,
             idle_limit_ticks: 0,
-            rest_ticks: u32::MAX,
-            rest_limit_ticks: 0,
             idle_hangs: 0,
         };
         supervisor.set_rate(loop_rate_hz);
@@ -58,39 +51,38 @@ impl Supervisor {
     /// Another rate; what was counted stays.
     pub const fn set_rate(&mut self, loop_rate_hz: u32) {
         self.idle_limit_ticks = super::ticks(IDLE_LIMIT_MS, loop_rate_hz);
-        self.rest_limit_ticks = super::ticks(REST_LIMIT_MS, loop_rate_hz);
-        self.turn_period = if loop_rate_hz > TURNS_HZ { loop_rate_hz / TURNS_HZ } else { 1 };
-        self.until_turn = 2 * self.turn_period;
+        self.chores_period = if loop_rate_hz > CHORES_HZ { loop_rate_hz / CHORES_HZ } else { 1 };
+        self.until_chores = 2 * self.chores_period;
     }
 
     /// One tick. `idle_ran`: the lowest priority has run since the last one. `is_long`: this tick had new commands to work on. Whether
-    /// a turn is due: at `TURNS_HZ`, but in a tick that is long only where it has waited for as long again.
+    /// the chores are due: at `CHORES_HZ`, but in a tick that is long only where they have waited for as long again.
     #[inline]
     pub const fn tick(&mut self, idle_ran: bool, is_long: bool) -> bool {
         self.idle_ran |= idle_ran;
-        self.until_turn = self.until_turn.wrapping_sub(1);
-        self.until_turn <= self.turn_period && (!is_long || self.until_turn == 0)
+        self.until_chores = self.until_chores.wrapping_sub(1);
+        self.until_chores <= self.chores_period && (!is_long || self.until_chores == 0)
     }
 
-    /// The turn is taken. Whether the watchdog is to be fed in it.
+    /// The chores are done. Whether feeding the watchdog is one of them.
     #[inline]
-    pub const fn turn(&mut self) -> bool {
-        self.until_turn = 2 * self.turn_period;
+    pub const fn done(&mut self) -> bool {
+        self.until_chores = 2 * self.chores_period;
         self.is_fed
     }
 
-    /// Looks after the lowest priority, every few turns. `tick`: the number of this tick. `is_flown`: a flight controller turns a motor.
-    pub const fn review(&mut self, tick: u32, is_flown: bool) {
+    /// Looks after the lowest priority, now and then. `tick`: the number of this tick. `is_flown`: a flight controller turns a motor.
+    /// `is_rested`: every motor has been at rest for some seconds.
+    pub const fn review(&mut self, tick: u32, is_flown: bool, is_rested: bool) {
         let ticks = tick.wrapping_sub(self.last_review);
         self.last_review = tick;
         let was_hung = self.is_idle_hung();
         self.idle_away_ticks = if self.idle_ran { 0 } else { self.idle_away_ticks.saturating_add(ticks) };
         self.idle_ran = false;
-        self.rest_ticks = if is_flown { 0 } else { self.rest_ticks.saturating_add(ticks) };
         if is_flown && self.is_idle_hung() && !was_hung {
             self.idle_hangs = self.idle_hangs.wrapping_add(1);
         }
-        self.is_fed = !self.is_idle_hung() || self.rest_ticks < self.rest_limit_ticks;
+        self.is_fed = !self.is_idle_hung() || !is_rested;
     }
 
     const fn is_idle_hung(&self) -> bool {
@@ -124,49 +116,58 @@ impl Supervisor {
 mod tests {
     use super::*;
 
-    /// The control task's turns between two reviews.
-    const TURNS: u32 = 6;
+    /// Chores between two reviews.
+    const CHORES: u32 = 6;
+
+    /// What becomes of the motors.
+    #[derive(Clone, Copy, PartialEq)]
+    enum Motors {
+        Flown,
+        /// Cut a moment ago.
+        Cut,
+        Rested,
+    }
 
     /// A control task with nothing else to do.
     struct Task {
         supervisor: Supervisor,
         tick: u32,
-        turns: u32,
+        chores: u32,
         is_fed: bool,
     }
 
     impl Task {
         fn new(rate: u32) -> Self {
             // The count of ticks wraps.
-            Self { supervisor: Supervisor::new(rate), tick: 0, turns: 0, is_fed: true }
+            Self { supervisor: Supervisor::new(rate), tick: 0, chores: 0, is_fed: true }
         }
 
         /// One tick, and whether the watchdog is fed.
-        fn is_fed(&mut self, idle_ran: bool, is_flown: bool) -> bool {
+        fn is_fed(&mut self, idle_ran: bool, motors: Motors) -> bool {
             self.tick = self.tick.wrapping_add(1);
             if self.supervisor.tick(idle_ran, false) {
-                self.turns += 1;
-                if self.turns.is_multiple_of(TURNS) {
-                    self.supervisor.review(self.tick, is_flown);
+                self.chores += 1;
+                if self.chores.is_multiple_of(CHORES) {
+                    self.supervisor.review(self.tick, motors == Motors::Flown, motors == Motors::Rested);
                 }
-                self.is_fed = self.supervisor.turn();
+                self.is_fed = self.supervisor.done();
             }
             self.is_fed
         }
 
         /// Ticks without the lowest priority, up to one after which the watchdog is not fed; at most so many.
-        fn unfed(&mut self, is_flown: bool, most: u32) -> Option<u32> {
-            (1..=most).find(|_| !self.is_fed(false, is_flown))
+        fn unfed(&mut self, motors: Motors, most: u32) -> Option<u32> {
+            (1..=most).find(|_| !self.is_fed(false, motors))
         }
     }
 
     #[test]
-    fn a_turn_comes_5000_times_a_second_and_waits_for_a_short_tick_for_as_long_again() {
+    fn chores_come_5000_times_a_second_and_wait_for_a_short_tick_for_as_long_again() {
         for (rate, period) in [(1000, 1), (5000, 1), (8000, 1), (10_000, 2)] {
             let mut supervisor = Supervisor::new(rate);
             let mut next = |is_long: fn(u32) -> bool| {
                 let tick = (1..100).find(|&n| supervisor.tick(true, is_long(n))).unwrap();
-                assert!(supervisor.turn());
+                assert!(supervisor.done());
                 tick
             };
             for _ in 0..3 {
@@ -184,17 +185,17 @@ mod tests {
                 let ticks = ticks.unwrap();
                 assert!((seconds * rate..=seconds * rate + rate / 100).contains(&ticks), "{ticks} at {rate} Hz");
             };
-            within(Task::new(rate).unfed(false, 21 * rate), 20);
+            within(Task::new(rate).unfed(Motors::Rested, 21 * rate), 20);
             let mut task = Task::new(rate);
-            assert_eq!(task.unfed(true, 60 * rate), None);
+            assert_eq!(task.unfed(Motors::Flown, 60 * rate), None);
             assert_eq!(task.supervisor.idle_hangs(), 1, "once, however long");
             // The throttle is cut in the air for a second, and again.
             for _ in 0..3 {
-                assert_eq!(task.unfed(false, rate), None);
-                assert_eq!(task.unfed(true, rate), None);
+                assert_eq!(task.unfed(Motors::Cut, rate), None);
+                assert_eq!(task.unfed(Motors::Flown, rate), None);
             }
             // Landed.
-            within(task.unfed(false, 4 * rate), 3);
+            within(task.unfed(Motors::Rested, rate), 0);
         }
     }
 
@@ -202,12 +203,12 @@ mod tests {
     fn a_lowest_priority_that_comes_back_is_counted_anew_when_it_hangs_again() {
         let mut task = Task::new(1000);
         for hangs in 1..4 {
-            assert_eq!(task.unfed(true, 21_000), None);
+            assert_eq!(task.unfed(Motors::Flown, 21_000), None);
             assert_eq!(task.supervisor.idle_hangs(), hangs);
-            (0..10).for_each(|_| assert!(task.is_fed(true, true)));
-            assert_eq!(task.unfed(true, 19_900), None);
+            (0..10).for_each(|_| assert!(task.is_fed(true, Motors::Flown)));
+            assert_eq!(task.unfed(Motors::Flown, 19_900), None);
             assert_eq!(task.supervisor.idle_hangs(), hangs);
-            (0..10).for_each(|_| assert!(task.is_fed(true, true)));
+            (0..10).for_each(|_| assert!(task.is_fed(true, Motors::Flown)));
         }
     }
 }

@@ -7,7 +7,8 @@ use super::resume::HeldMotor;
 use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
-    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, Path, RecordClock, Sample, Sensed, Source,
+    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, Path, REST_MS, RecordClock, Sample,
+    Sensed, Source,
 };
 use crate::settings::MOTORS;
 use crate::throttle::{Command, EscCommand, PulseScale};
@@ -136,7 +137,7 @@ impl Motor {
     /// Starts afresh, with a new channel and with nothing left in the queues.
     pub fn restart(&mut self, channel: Channel, source: Source) {
         self.dead_man = self.dead_man();
-        self.channel = channel;
+        self.channel = channel.at_rest_for(self.channel.rest_ticks());
         self.output = EscCommand::NO_PULSE;
         self.source = match source {
             Source::Pulse => {
@@ -310,6 +311,8 @@ struct Common {
     input_scale: PulseScale,
     /// Ticks without an injected command after which the injection into a motor at rest ends.
     silence_limit: u32,
+    /// How long a motor must have been at rest before anything is changed unasked at the board, ticks.
+    rest_limit: u32,
     /// Whether some input was live in the last tick, or had pulses of another protocol.
     is_any_driven: bool,
 }
@@ -343,6 +346,7 @@ impl Tick {
             common: Common {
                 input_scale,
                 silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
+                rest_limit: super::ticks(REST_MS, loop_rate_hz),
                 is_any_driven: false,
             },
             input_pulse: InputPulse::None,
@@ -440,6 +444,7 @@ impl Tick {
         self.enable_outputs();
         self.common.input_scale = input_scale;
         self.common.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
+        self.common.rest_limit = super::ticks(REST_MS, loop_rate_hz);
     }
 
     /// Holds every output at rest from now until [`Self::resume`] or [`Self::reconfigure`], whatever the inputs say;
@@ -512,10 +517,10 @@ impl Tick {
         self.motors.iter().fold(0, |sum, motor| motor.dead_man().wrapping_add(sum))
     }
 
-    /// The first motor whose output was not at rest for the last so many ticks.
+    /// The first motor whose output was not at rest for [`REST_MS`].
     #[must_use]
-    pub fn not_rested(&self, ticks: u32) -> Option<u8> {
-        let index = self.motors.iter().position(|motor| motor.channel.rest_ticks() < ticks)?;
+    pub fn not_rested(&self) -> Option<u8> {
+        let index = self.motors.iter().position(|motor| motor.channel.rest_ticks() < self.common.rest_limit)?;
         Some(index as u8)
     }
 

@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::design::{DEFAULT_DAMPING, RotorCurve};
 use crate::dshot::{Line, Speed};
-use crate::throttle::{Command, Protocol};
+use crate::protocol::Protocol;
+use crate::throttle::Command;
 
 pub use crate::channel::NoSignal;
 pub use compensator::{CompensatorKind, Inverse, Lead};
@@ -188,7 +189,7 @@ impl PulseProtocol {
 }
 
 impl Pulse {
-    /// For [`PulseScale::new`](crate::throttle::PulseScale::new).
+    /// For [`Protocol::scale`].
     #[must_use]
     pub fn protocol(self) -> Protocol {
         match self.protocol {

@@ -2,7 +2,8 @@
 
 use rotorlead::capture::{Decoder, Faults, Level, Signal, Timing};
 use rotorlead::channel::{Channel, ChannelSettings, Input, State};
-use rotorlead::throttle::{Command, EscCommand, Protocol, PulseScale};
+use rotorlead::protocol::Protocol;
+use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
 use crate::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, us};
 use crate::paper_design;
@@ -28,7 +29,7 @@ pub fn fuzz_capture(data: &[u8]) {
     let [choice, origin, events @ ..] = data else { return };
     let protocol = PROTOCOLS[usize::from(*choice) % PROTOCOLS.len()];
     let timing = Timing::new(protocol, TIMER_HZ, LOOP_HZ).expect("all of these protocols suit this timer");
-    let scale = PulseScale::new(protocol, TIMER_HZ).expect("all of these protocols suit this timer");
+    let scale = protocol.scale(TIMER_HZ).expect("all of these protocols suit this timer");
     let mut life = Life {
         decoder: Decoder::new(timing),
         channel: Channel::new(&ChannelSettings::default(), coefficients()).expect("defaults are in order"),

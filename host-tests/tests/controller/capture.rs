@@ -8,7 +8,7 @@ use rotorlead::capture::{
     Decoder, FILTERED_POLLS, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing,
     TimingError,
 };
-use rotorlead::throttle::Protocol;
+use rotorlead::protocol::Protocol;
 
 fn timing(protocol: Protocol) -> Timing {
     Timing::new(protocol, TIMER_HZ, LOOP_HZ).unwrap()

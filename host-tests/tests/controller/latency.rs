@@ -92,7 +92,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     control.parts_mut().outputs.starts.clear();
     control.parts_mut().outputs.interrupted = interrupted;
 
-    let input = PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
+    let input = settings.input.protocol().scale(timer_hz).unwrap();
     let counter_hz = f64::from(frames(plan).counter_hz);
     let tick_s = 1.0 / f64::from(settings.loop_rate_hz);
     let counts_per_tick = counter_hz * tick_s;

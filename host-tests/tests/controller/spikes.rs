@@ -6,7 +6,7 @@ use host_tests::spikes::{RATES_KHZ, WIDTHS_US, on_line, toggles};
 use rotorlead::capture::{Listening, Reading, Timing};
 use rotorlead::controller::Inputs;
 use rotorlead::controller::hardware::Edge;
-use rotorlead::throttle::Protocol;
+use rotorlead::protocol::Protocol;
 
 /// Counts from sample to sample of the usual filter and of the long one, and samples in a row: `src/board/capture.rs`.
 const USUAL_COUNTS: u64 = 2;

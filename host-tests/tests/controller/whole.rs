@@ -17,11 +17,12 @@ use rotorlead::link::{
     LineSet, Message, NO_INPUT, NOTICE_VERSION, PanicPlace, Path, RecordRequest, Refusal, Request, ResetReason, Sensed,
     Source, VERSION, encode_notice,
 };
+use rotorlead::protocol::Protocol;
 use rotorlead::settings::{
     DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store,
     Validated,
 };
-use rotorlead::throttle::{Command, EscCommand, Protocol};
+use rotorlead::throttle::{Command, EscCommand};
 
 const STOP: Command = Command::ZERO;
 const NO_PULSE: EscCommand = EscCommand::NO_PULSE;
