@@ -5,8 +5,8 @@
 //!
 //! # Why not TIM8
 //!
-//! The pins are channels of TIM8, too, which has a break input: with it the outputs would go off in hardware when the clock
-//! security system finds the crystal dead. Here that takes the non-maskable interrupt and some thirty instructions on the
+//! The pins are channels of TIM8, too, whose outputs go off in hardware on a break: on this chip when the clock security system finds the
+//! crystal dead, and for nothing else inside it. Here that takes the non-maskable interrupt and some thirty instructions on the
 //! internal oscillator, to which the clock is switched by then: under 10 µs at 16 MHz, estimated, half of the shortest level
 //! of a pulse.
 //! TIM3 is what the emulator models: on TIM8 no test would see what stands in the compare registers, nor that this image

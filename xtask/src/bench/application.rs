@@ -49,6 +49,8 @@ const SYSTICK_NOT_PENDING: u32 = 1 << 25;
 const DISARMED_FRAMES: u32 = PULSES_TO_LIVE as u32 + 2;
 /// Frames that are measured while armed. The command steps in each, so that the compensator works.
 const ARMED_FRAMES: u32 = 2;
+/// Frames with one command until it is kept for a reset: that takes 12 ticks at most.
+const KEPT_FRAMES: u32 = 8;
 /// Bytes of the link that are measured: those of a short request and the begin of its answer.
 const LINK_BYTES: u32 = 40;
 /// Bytes each way at once that are measured.
@@ -150,6 +152,9 @@ impl Interrupts {
 const PAPER_POLES_RAD_S: [(f64, f64); 6] =
     [(0.40, 6.2758), (0.45, 7.3524), (0.50, 9.2889), (0.55, 9.9130), (0.60, 11.7439), (0.65, 14.1275)];
 
+/// Where a start and the handler of faults begin.
+const RESET: &str = "Reset";
+const FAULT: &str = "HardFault";
 /// What judges the clock.
 const JUDGES_CLOCK: &str = "rotorlead::controller::clock::ClockReport::tells_pulses_apart";
 /// A function that says yes: `movs r0, #1` and `bx lr`.
@@ -168,6 +173,7 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let four = stand.fly_armed(four)?;
     let (link_byte, link_both) = stand.link_bytes()?;
     drop(stand);
+    resume_after_fault(image_path, image)?;
     let slew = Settings { slew_per_s: Settings::default().slew_per_s, ..flight_settings() };
     let slew = measure_limited(image_path, image, &slew)?;
     let inverse = measure_limited(image_path, image, &with_inverse(flight_settings())?)?;
@@ -223,6 +229,22 @@ fn measure_limited(image_path: &Path, image: &Image, settings: &Settings) -> Res
     let four = [true; INPUTS];
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
     stand.fly_armed(four)
+}
+
+/// A fault in flight: the first tick after it puts out the commands that came last.
+fn resume_after_fault(image_path: &Path, image: &Image) -> Result {
+    let mut stand = Stand::new(image_path, image, &flight_settings())?;
+    let four = [true; INPUTS];
+    stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
+    stand.fly_armed(four)?;
+    stand.fly(four, ARMED_US[1], KEPT_FRAMES)?;
+    let held = stand.library.output_scale.to_width_ticks(stand.command(ARMED_US[1]).into());
+    stand.fault()?;
+    stand.arrive(stand.handlers.tick, TICK)?;
+    stand.run_interrupt()?;
+    check_widths(&mut stand.debugger, [held; INPUTS])?;
+    println!("after a fault in flight the first tick puts out the last commands, pulses of {held} counts");
+    Ok(())
 }
 
 /// Runs while `meanwhile` asks over the link, and on until the controller has nothing more to send: the interrupt of an
@@ -486,9 +508,7 @@ impl<'a> Stand<'a> {
         let Machine { mut debugger, mut link, qemu } = Machine::start(image_path)?;
         let handlers = Handlers::of(image)?;
         debugger.run_to(handlers.tick)?;
-        // The emulator has no crystal, and its timers a clock of their own. Without a good one the application does not let pulses arm.
-        let judges = image.function_named(JUDGES_CLOCK).ok_or_else(|| format!("the image has no {JUDGES_CLOCK}"))?;
-        debugger.set_words(image.functions[judges].address, &[YES])?;
+        trust_clock(&mut debugger, image)?;
         let timer_hz = set(&mut debugger, &mut link, settings)?;
         let settings = settings.clone().validate().map_err(|error| error.to_string())?;
         let library = Library::new(&settings, timer_hz)?;
@@ -537,6 +557,20 @@ impl<'a> Stand<'a> {
             self.until_frame = self.counts_per_frame - width_us * self.counts_per_us;
         }
         Ok((ticks, captures))
+    }
+
+    /// What a pulse means.
+    fn command(&self, width_us: u32) -> Command {
+        self.library.plan.input_scale.to_command(width_us * self.counts_per_us)
+    }
+
+    /// Sends the core to its handler of faults, and on into the start after it.
+    fn fault(&mut self) -> Result {
+        self.debugger.add_breakpoint(address_of(self.image, RESET)?)?;
+        self.debugger.jump(address_of(self.image, FAULT)?)?;
+        self.arrive(address_of(self.image, RESET)?, RESET)?;
+        self.debugger.remove_breakpoint(address_of(self.image, RESET)?)?;
+        trust_clock(&mut self.debugger, self.image)
     }
 
     /// As [`Self::fly`], with commands that step up and down.
@@ -615,6 +649,17 @@ impl<'a> Stand<'a> {
     }
 }
 
+/// The first instruction of a function.
+fn address_of(image: &Image, name: &str) -> Result<u32> {
+    let index = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
+    Ok(image.functions[index].address)
+}
+
+/// The emulator has no crystal, and its timers a clock of their own. Without a good clock the application does not let pulses arm.
+fn trust_clock(debugger: &mut Debugger, image: &Image) -> Result {
+    debugger.set_words(address_of(image, JUDGES_CLOCK)?, &[YES])
+}
+
 /// What an armed flight costs.
 struct Flight {
     arming: Costs,
@@ -632,10 +677,7 @@ struct Handlers {
 
 impl Handlers {
     fn of(image: &Image) -> Result<Self> {
-        let address = |name: &str| {
-            let index = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
-            Ok::<_, String>(image.functions[index].address)
-        };
+        let address = |name| address_of(image, name);
         Ok(Self { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? })
     }
 }
