@@ -15,7 +15,7 @@ use rotorlead::controller::{channels, filters};
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
 use rotorlead::protocol::Protocol;
 use rotorlead::settings::{HIGHEST_IDLE, Pulse, PulseProtocol};
-use rotorlead::throttle::{Command, EscCommand, PulseScale};
+use rotorlead::throttle::{Command, EscCommand};
 
 const STOP: Command = Command::ZERO;
 const NO_PULSE: EscCommand = EscCommand::NO_PULSE;

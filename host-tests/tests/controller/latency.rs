@@ -6,7 +6,7 @@ use host_tests::rig::SECTOR;
 use rotorlead::capture::{Reading, Signal};
 use rotorlead::controller::{Control, FrameAction, FramePacer, Frames, InputPulse, OutputPlan, Plan};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings, Store, Validated};
-use rotorlead::throttle::{Command, PulseScale};
+use rotorlead::throttle::Command;
 use rotorlead_identify::design::Latency as ModelLatency;
 
 /// Mean, longest and standard deviation, milliseconds.

@@ -12,7 +12,7 @@ use rotorlead::link::{
     Source,
 };
 use rotorlead::settings::{MOTORS, Origin, Pulse, PulseProtocol, Settings, Validated};
-use rotorlead::throttle::{Command, EscCommand, PulseScale};
+use rotorlead::throttle::{Command, EscCommand};
 
 const STOP: Command = Command::ZERO;
 const NO_PULSE: EscCommand = EscCommand::NO_PULSE;
