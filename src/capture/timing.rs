@@ -30,7 +30,7 @@ const LONGEST_TIMEOUT_TICKS: u32 = 1 << 30;
 /// | raw duty | a glitch, to the frame less a glitch | 7/8 to 9/8 of the nominal frame |
 ///
 /// Widths outside are noise or another protocol. Those a little outside the protocol's range come from uncalibrated
-/// clocks and trims; [`PulseScale::to_command`] takes them for the nearer end.
+/// clocks and trims; [`PulseScale::to_command`](crate::throttle::PulseScale::to_command) takes them for the nearer end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     pub(super) min_width: u32,
