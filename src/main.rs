@@ -39,6 +39,7 @@ mod app {
     use rotorlead::controller::{self, Control, ControlHandle, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started};
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
+    use rotorlead::systick::sleep_until_interrupt;
     use rotorlead::throttle::{Command, EscCommand};
     use stm32f4xx_hal::pac::Interrupt;
 
@@ -108,7 +109,7 @@ mod app {
                 rtic::pend(Interrupt::USART3);
             }
             if !server.poll(|| received.dequeue(), &mut board) {
-                cortex_m::asm::wfi();
+                sleep_until_interrupt(|| received.ready());
             }
         }
     }

@@ -61,6 +61,7 @@ mod app {
     };
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
+    use rotorlead::systick::sleep_until_interrupt;
     use rotorlead::throttle::{Command, EscCommand};
     use rp2040_hal::pac::{Interrupt, TIMER};
 
@@ -141,7 +142,7 @@ mod app {
                 show(&mut board, milliseconds);
             }
             if !is_busy {
-                cortex_m::asm::wfi();
+                sleep_until_interrupt(|| received.ready());
             }
         }
     }

@@ -140,7 +140,10 @@ fn without_the_jumper_no_host_drives_a_motor() {
         assert_eq!(rig.ask(&request), refused(Refusal::BenchDisabled), "{request:?}");
         assert_eq!(rig.tick(Signal::Nothing), [NO_PULSE; MOTORS]);
     }
-    // Giving a motor back to its pulses needs none.
+    // Giving a motor back to its pulses needs none, once it is known to have been at rest.
+    for _ in 0..3 * LOOP_HZ {
+        assert_eq!(rig.tick(Signal::Nothing), [NO_PULSE; MOTORS]);
+    }
     assert_eq!(rig.ask(&Request::SetMode { motor: 0, source: Source::Pulse, compensate: false }), Message::Done);
     rig.hardware.board.status.bench_enabled = true;
     assert!(info(&mut rig).bench_enabled);
