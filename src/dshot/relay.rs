@@ -19,8 +19,6 @@ pub struct Counts {
     pub valid: u32,
     /// Frames with a wrong one.
     pub bad_checksums: u32,
-    /// Frames of throttle that a newer one overtook, while the output was busy.
-    pub overtaken: u32,
     /// Instructions that found the queue full.
     pub dropped: u32,
     /// Instructions that may not pass, and throttles whose direction the ESC was not told.
@@ -61,7 +59,7 @@ impl Relay {
             due,
             first: 0,
             waiting: 0,
-            counts: Counts { valid: 0, bad_checksums: 0, overtaken: 0, dropped: 0, refused: 0 },
+            counts: Counts { valid: 0, bad_checksums: 0, dropped: 0, refused: 0 },
         }
     }
 
@@ -127,7 +125,6 @@ impl Relay {
         match self.due.get_mut(last) {
             Some(Due::Throttle { reports: wished }) if self.waiting > 0 => {
                 *wished |= reports;
-                self.counts.overtaken = self.counts.overtaken.wrapping_add(1);
             }
             _ => self.push(Due::Throttle { reports }),
         }
@@ -223,7 +220,7 @@ mod tests {
             .map(|frame| frame.value().get())
             .collect();
         assert_eq!(out, [48, 7, 7, 7, 48]);
-        assert_eq!(relay.counts(), Counts { valid: 8, overtaken: 3, ..Counts::default() });
+        assert_eq!(relay.counts(), Counts { valid: 8, ..Counts::default() });
         // Round and round, and over the brim.
         for _ in 0..5 {
             for _ in 0..QUEUED + 2 {
@@ -244,7 +241,7 @@ mod tests {
             relay.receive(bits(1000, reports), false);
         }
         assert!(relay.next(FULL).unwrap().reports());
-        assert_eq!((relay.next(FULL), relay.counts().overtaken), (None, 2));
+        assert_eq!(relay.next(FULL), None);
         relay.receive(bits(1000, false), false);
         assert!(!relay.next(FULL).unwrap().reports(), "it is asked once");
     }
