@@ -25,7 +25,7 @@ pub const PINS: [Pin; 14] = [
     pin("PC8", "TIM3_CH3", "output 3"),
     pin("PC9", "TIM3_CH4", "output 4"),
     pin("PC10", "USART3_TX", "link, controller to host, 1 Mbaud 8N1"),
-    pin("PC11", "USART3_RX", "link, host to controller"),
+    pin("PC11", "USART3_RX", "link, host to controller (pulled up inside)"),
     pin("PC12", "GPIO", "jumper to ground: allows excitation and injection (pulled up inside)"),
     pin("PC0", "ADC1_IN10", "amplifier of the thrust sensor, 0 to 3.3 V"),
     pin("PA13", "SWDIO", "debug probe: flashing and the log"),

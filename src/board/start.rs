@@ -67,7 +67,9 @@ impl Board {
         );
         let capture = Capture::new(device.TIM2, input_port(), pins, &mut rcc);
 
-        let serial = Serial::new(device.USART3, (gpioc.pc10, gpioc.pc11), queues.received, queues.to_send, &mut rcc);
+        // An open line reads as idle.
+        let pins = (gpioc.pc10, gpioc.pc11.internal_pull_up(true));
+        let serial = Serial::new(device.USART3, pins, queues.received, queues.to_send, &mut rcc);
         let facts = BoardFacts { clocks, reset, brown_out: supply::brown_out(&device.FLASH), speaks_dshot: false };
         Self {
             capture,

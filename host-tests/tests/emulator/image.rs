@@ -684,6 +684,19 @@ fn an_erase_is_started_after_its_sector_is_chosen() {
     assert_eq!(writes[chosen + 1] & start_bit, start_bit, "{writes:#x?}");
 }
 
+/// In flight nothing is connected to it. The emulator has no port, and reads each register as 0 before a change.
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn the_receive_line_of_the_link_is_pulled_up() {
+    const PULLS: u32 = 0x0C;
+    let (pin_11, up) = (2 * 11, 0b01);
+    let image = image();
+    let machine = Machine::boot(&Start { trace: true, ..Start::new(&image) });
+    let pulls: Vec<PortWrite> =
+        machine.trace.outputs_since(0).into_iter().filter(|write| write.offset == PULLS).collect();
+    assert!(pulls.iter().any(|write| write.value >> pin_11 & 0b11 == up), "{pulls:#x?}");
+}
+
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn a_panic_forces_the_outputs_low_and_is_reported_after_the_reset() {
