@@ -6,6 +6,9 @@ const EXCEPTION_ENTRY_CYCLES = 15;
 const ROM_END = 0x4000;
 // The breakpoint by which the firmware finds out whether a debugger is attached: boards/rp2040/src/postmortem.rs.
 const DEBUGGER_PROBE = 0xdb;
+// The register by which software, or a debugger, resets the core.
+const AIRCR = 0xd0c;
+const SYSRESETREQ = 1 << 2;
 
 export class Core {
   constructor(machine, rp2040, rom) {
@@ -17,6 +20,7 @@ export class Core {
     this.isLocked = false;
     this.fault = null;
     this.isProbed = false;
+    this.watchRequests(rp2040.ppb);
     rp2040.onBreak = (code) => {
       if (code === DEBUGGER_PROBE) {
         this.isProbed = true;
@@ -24,6 +28,28 @@ export class Core {
         this.blame(`BKPT or UDF ${code}`);
       }
     };
+  }
+
+  // A request resets this core alone (RP2040 datasheet, 2.4.2.9): peripherals, pins and the watchdog go on.
+  watchRequests(ppb) {
+    const write = ppb.writeUint32;
+    ppb.writeUint32 = (offset, value) => {
+      if (offset === AIRCR) {
+        this.machine.bite = value & SYSRESETREQ ? { isForced: true, isOfCoreAlone: true } : this.machine.bite;
+      } else {
+        write.call(ppb, offset, value);
+      }
+    };
+  }
+
+  reset() {
+    const { cpu, machine } = this;
+    Object.assign(cpu, new cpu.constructor(cpu.rp2040));
+    cpu.rp2040.ppb.reset();
+    machine.handlers.forget();
+    this.isAsleep = false;
+    this.isLocked = false;
+    this.fault = null;
   }
 
   // Whether the core waits: for an interrupt, or for ever after a fault in the handler of faults.

@@ -2,6 +2,8 @@
 
 const TIMER = 0x40054;
 const XIP_CTRL = 0x14000;
+const RESETS = 0x4000c;
+const VREG_AND_CHIP_RESET = 0x40064;
 
 export function correct(rp2040, { BasePeripheral, FIFO }) {
   correctTimer(rp2040.peripherals[TIMER]);
@@ -12,6 +14,8 @@ export function correct(rp2040, { BasePeripheral, FIFO }) {
   for (const block of rp2040.pio) {
     block.machines.forEach((machine) => joinFifos(machine, FIFO));
   }
+  correctResets(rp2040.peripherals[RESETS]);
+  rp2040.peripherals[VREG_AND_CHIP_RESET] = supply(new BasePeripheral(rp2040, 'VREG_AND_CHIP_RESET'));
   rp2040.peripherals[XIP_CTRL] = xipControl(new BasePeripheral(rp2040, 'XIP_CTRL'));
 }
 
@@ -123,6 +127,21 @@ function joinFifos(machine, FIFO) {
       machine.updateDMARx();
     }
   };
+}
+
+// Every peripheral is in reset at first, which rp2040js lets work all the same.
+function correctResets(resets) {
+  resets.reset = resets.reset_done;
+  Object.defineProperty(resets, 'reset_done', { get: () => ~resets.reset & 0x1ffffff });
+}
+
+// The core's regulator and brown-out detector, which only keep what is written, and a chip that power has reset.
+function supply(peripheral) {
+  const HAD_POR = 1 << 8;
+  const registers = [0xb1, 0x91, HAD_POR];
+  peripheral.readUint32 = (offset) => registers[offset / 4];
+  peripheral.writeUint32 = (offset, value) => (registers[offset / 4] = value);
+  return peripheral;
 }
 
 // The cache's control: always flushed, its FIFO empty.

@@ -13,7 +13,7 @@ export class Handlers {
 
   // Watches a core, which has no calls yet.
   watch(cpu) {
-    this.open = [];
+    this.forget();
     const { exceptionEntry, exceptionReturn } = cpu;
     cpu.exceptionEntry = (number) => {
       exceptionEntry.call(cpu, number);
@@ -23,6 +23,12 @@ export class Handlers {
       exceptionReturn.call(cpu, value);
       this.isReturning = true;
     };
+  }
+
+  // The core is reset.
+  forget() {
+    this.open = [];
+    this.isReturning = false;
   }
 
   enter(exception) {

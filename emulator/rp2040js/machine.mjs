@@ -123,9 +123,14 @@ export class Machine {
 
   // The watchdog resets everything but memory, its own scratch registers, and the reason.
   restart() {
-    this.resets.push({ cycle: this.now, is_forced: this.bite.isForced });
+    const { isForced, isOfCoreAlone } = this.bite;
+    this.resets.push({ cycle: this.now, is_forced: isForced });
     this.bite = null;
-    this.chip = new Chip(this, this.chip);
+    if (isOfCoreAlone) {
+      this.chip.core.reset();
+    } else {
+      this.chip = new Chip(this, this.chip);
+    }
     this.chip.boot();
   }
 

@@ -15,7 +15,7 @@ export class Watchdog {
     }
     this.watchdog.onWatchdogTrigger = () => {
       if (rp2040.peripherals[PSM].wdsel & PROC0) {
-        machine.bite = { isForced: this.watchdog.reason === FORCED };
+        machine.bite = { isForced: this.watchdog.reason === FORCED, isOfCoreAlone: false };
       } else {
         machine.fault(rp2040.core.PC, 'the watchdog fired, but PSM.WDSEL does not let it reset the core');
       }

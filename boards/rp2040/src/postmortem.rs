@@ -12,39 +12,39 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m_rt::exception;
 use rotorlead::controller::{Record, ResumeMemory, ResumeSource};
 use rotorlead::link::ResetReason;
-use rp2040_hal::pac::{VREG_AND_CHIP_RESET, WATCHDOG};
+use rp2040_hal::pac::{RESETS, VREG_AND_CHIP_RESET, WATCHDOG};
 
 use crate::pins::Pins;
 
 #[unsafe(link_section = ".uninit.postmortem")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
-/// Why we are here. To be called once, first thing, with interrupts off; forgets the record.
-pub fn take(watchdog: &WATCHDOG, chip: &VREG_AND_CHIP_RESET) -> ResetReason {
+/// Why we are here. To be called once, before anything leaves its reset, with interrupts off; forgets the record.
+///
+/// The watchdog's register says why it reset the chip last, up to a power-on or a pulse at RUN: behind a reset of the core alone, as
+/// debuggers make, of another time. So a cause counts only with the reset that it has made.
+pub fn take(watchdog: &WATCHDOG, chip: &VREG_AND_CHIP_RESET, resets: &RESETS) -> ResetReason {
     let place = addr_of_mut!(RECORD);
     // SAFETY: interrupts are off, so nothing else has it; any bits are a `Record`, and after a loss of power they are
     // arbitrary but readable.
     let record = unsafe { place.cast::<Record>().read_volatile() };
     // SAFETY: as above.
     unsafe { place.cast::<u32>().write_volatile(0) };
+    let was_running = crate::watchdog::take_was_running(watchdog);
+    let by_watchdog = watchdog.reason().read();
+    let from = chip.chip_reset().read();
+    // The PWM, like most, leaves its reset by this firmware alone.
+    let is_of_core_alone = !resets.reset().read().pwm().bit();
+    if by_watchdog.bits() == 0 && !is_of_core_alone {
+        // What memory says is of another time, too. A fall of the supply that was too short for the chip to lose its power looks like
+        // a power-on.
+        return if from.had_run().bit() { ResetReason::Pin } else { ResetReason::PowerOn };
+    }
     if let Some(reason) = record.reason() {
         return reason;
     }
-    // The watchdog's reason stays until the chip is reset as a whole.
-    let bitten = watchdog.reason().read();
-    let from = chip.chip_reset().read();
-    if bitten.timer().bit() {
-        ResetReason::Watchdog
-    } else if bitten.force().bit() {
-        ResetReason::Software
-    } else if from.had_run().bit() {
-        ResetReason::Pin
-    } else if from.had_por().bit() {
-        // A fall of the supply that was too short for the chip to lose its power looks the same.
-        ResetReason::PowerOn
-    } else {
-        ResetReason::Software
-    }
+    let is_bite = by_watchdog.timer().bit() && was_running && !is_of_core_alone && !from.had_psm_restart().bit();
+    if is_bite { ResetReason::Watchdog } else { ResetReason::Software }
 }
 
 #[unsafe(link_section = ".uninit.resume")]

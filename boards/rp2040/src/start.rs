@@ -56,7 +56,7 @@ impl Board {
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         boot::move_vectors(&mut core.SCB);
         boot::slow_ring_oscillator(&device.ROSC);
-        let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET);
+        let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET, &device.RESETS);
         postmortem::resume_source().memory.begin_start();
         leave_reset(&device.RESETS);
         let pins = Pins::new(device.IO_BANK0, device.PADS_BANK0, device.SIO);

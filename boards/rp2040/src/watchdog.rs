@@ -12,6 +12,10 @@ const RUN_US: u32 = 20_000;
 /// The counter goes down by two in a microsecond: RP2040-E1.
 const COUNTS_PER_US: u32 = 2;
 
+/// Stands in a scratch register from [`Watchdog::start`] to the next start. Power-on and the pin RUN clear it. The boot ROM, which
+/// restarts by the watchdog after a file was copied, does not use this register.
+const RUNS: u32 = 0x9E5E_7D06;
+
 /// The watchdog, running.
 pub struct Watchdog {
     registers: WATCHDOG,
@@ -20,10 +24,13 @@ pub struct Watchdog {
 
 impl Watchdog {
     /// Runs, with the longer of its two times, and goes on while a debug probe halts the core: the last pulses must not go on.
+    #[allow(unsafe_code)]
     pub fn start(registers: WATCHDOG, power: &PSM) -> Self {
         let mut watchdog = Self { registers, load: 0 };
         select(power);
         watchdog.set_patient(true);
+        // SAFETY: any bits are as good.
+        watchdog.registers.scratch0().write(|w| unsafe { w.bits(RUNS) });
         watchdog.registers.ctrl().write(|w| {
             w.pause_dbg0().clear_bit();
             w.pause_dbg1().clear_bit();
@@ -44,6 +51,13 @@ impl hardware::Watchdog for Watchdog {
     fn feed(&mut self) {
         self.registers.load().write(|w| w.load().variant(self.load));
     }
+}
+
+/// Whether [`Watchdog::start`] was the last to start the watchdog before this reset. Says so once.
+pub fn take_was_running(registers: &WATCHDOG) -> bool {
+    let was_running = registers.scratch0().read().bits() == RUNS;
+    registers.scratch0().reset();
+    was_running
 }
 
 /// Cycles after which a reset that was asked for should have come.

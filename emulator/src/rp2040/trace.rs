@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use super::{Conflict, Edge};
 
-/// A reset by the watchdog, after which the image has started again. RAM, and the watchdog's scratch registers and
-/// reason, outlive it.
+/// A reset by the watchdog or of the core alone, after which the image has started again. RAM, and the watchdog's scratch
+/// registers and reason, outlive it; one of the core alone leaves all else as it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub struct Reset {
     /// When.

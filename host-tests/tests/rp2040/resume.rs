@@ -13,6 +13,11 @@ const PERIOD: u64 = 312_500;
 const SYSTICK_CTRL: u32 = 0xE000_E010;
 /// The watchdog's control register with its bit that resets at once: what any software may do, with no reason in memory.
 const WATCHDOG_TRIGGER: (u32, u32) = (0x4005_8000, 0xC000_0000);
+/// The scratch register that says whose watchdog runs: cleared by power and by RUN, so before the boot ROM takes a file and restarts
+/// by a watchdog of its own.
+const SCRATCH_0: u32 = 0x4005_800C;
+/// The core's request for a reset, of itself alone: what a debugger does.
+const CORE_RESET: (u32, u32) = (0xE000_ED0C, 0x05FA_0004);
 /// The command of the flight, microseconds.
 const FLOWN_US: f64 = 1400.0;
 
@@ -158,17 +163,18 @@ fn nothing_goes_on_where_it_is_not_wanted() {
     let settings = Settings::default();
     let stopped = ARMED + ms(150.0);
     let bite = Write { cycle: stopped, address: SYSTICK_CTRL, value: 0 };
-    let fly = |settings: &Settings, write: Write| {
+    let fly = |settings: &Settings, writes: &[Write]| {
         let mut run = flight(run(settings, 600.0), |_| Some(FLOWN_US));
-        run.writes.push(write);
+        run.writes.extend(writes);
         run
     };
     let (address, value) = WATCHDOG_TRIGGER;
     let never = Settings { resume: false, ..settings.clone() };
     let runs = [
-        ("a reset by software", fly(&settings, Write { cycle: stopped, address, value })),
-        ("the setting is off", fly(&never, bite)),
-        ("a debugger is attached", Run { is_debugged: true, ..fly(&settings, bite) }),
+        ("a reset by software", fly(&settings, &[Write { cycle: stopped, address, value }])),
+        ("the boot ROM's watchdog", fly(&settings, &[bite, Write { address: SCRATCH_0, ..bite }])),
+        ("the setting is off", fly(&never, &[bite])),
+        ("a debugger is attached", Run { is_debugged: true, ..fly(&settings, &[bite]) }),
     ];
     for (what, run) in runs {
         let trace = pins::trace(Emulator::Node, &run);
@@ -177,4 +183,26 @@ fn nothing_goes_on_where_it_is_not_wanted() {
             assert_eq!(pulses_after(&trace, motor, reset.cycle), [], "{what}: motor {motor}");
         }
     }
+}
+
+/// The watchdog's register says its bite for as long as the chip has power.
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn a_reset_of_the_core_behind_a_bite_is_no_bite() {
+    let (bitten, reset) = (ARMED + ms(150.0), ARMED + ms(300.0));
+    let mut run = flight(run(&Settings::default(), 700.0), |_| Some(FLOWN_US));
+    let (address, value) = CORE_RESET;
+    run.writes.push(Write { cycle: bitten, address: SYSTICK_CTRL, value: 0 });
+    run.writes.push(Write { cycle: reset, address, value });
+    ask(&mut run, 650.0);
+    let trace = pins::trace(Emulator::Node, &run);
+    let [bite, of_core] = &trace.resets[..] else { panic!("{:?}", trace.resets) };
+    says("watchdog", &first_pulses_ms(&trace, bite));
+    // The PWM goes on with the last pulses until the start has taken its pins.
+    let started = of_core.cycle + ms(10.0);
+    for motor in 0..MOTORS as u8 {
+        assert_eq!(pulses_after(&trace, motor, started), [], "motor {motor}");
+    }
+    let info = info(&trace);
+    assert_eq!((info.reset, info.resumed), (ResetReason::Software, [false; MOTORS]));
 }
