@@ -120,6 +120,8 @@ export class Core {
     }
     cpu.PC = pc;
     cpu.exceptionEntry(HARD_FAULT);
+    // Where the stack has left memory nothing is pushed, and the handler is entered all the same.
+    this.fault = null;
     return EXCEPTION_ENTRY_CYCLES;
   }
 }

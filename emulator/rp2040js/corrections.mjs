@@ -8,6 +8,7 @@ const VREG_AND_CHIP_RESET = 0x40064;
 export function correct(rp2040, { BasePeripheral, FIFO }) {
   correctTimer(rp2040.peripherals[TIMER]);
   correctSystick(rp2040.ppb);
+  keepProtection(rp2040.ppb);
   correctVectors(rp2040);
   correctSoftwarePends(rp2040);
   correctPwm(rp2040.pwm);
@@ -63,6 +64,22 @@ function correctVectors({ core }) {
   core.exceptionEntry = (number) => {
     enter.call(core, number);
     core.PC &= ~1;
+  };
+}
+
+// The registers of the memory protection keep what is written. What they forbid below RAM faults without them, too.
+function keepProtection(ppb) {
+  const [FIRST, LAST] = [0xd90, 0xda0];
+  const isProtection = (offset) => offset >= FIRST && offset <= LAST;
+  const registers = {};
+  const { readUint32, writeUint32 } = ppb;
+  ppb.readUint32 = (offset) => (isProtection(offset) ? (registers[offset] ?? 0) : readUint32.call(ppb, offset));
+  ppb.writeUint32 = (offset, value) => {
+    if (isProtection(offset)) {
+      registers[offset] = value;
+    } else {
+      writeUint32.call(ppb, offset, value);
+    }
   };
 }
 

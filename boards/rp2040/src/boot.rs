@@ -4,7 +4,7 @@
 //! cycles, for each eight bytes, and a control task cannot bound how often. So the reset copies the whole image with the initialized
 //! data (board.x), from a flash that is not needed any more until settings are read.
 
-use cortex_m::peripheral::SCB;
+use cortex_m::peripheral::{MPU, SCB};
 use rp2040_hal::pac::ROSC;
 
 use crate::clocks::SYSTEM_PLL;
@@ -139,4 +139,29 @@ pub fn move_vectors(scb: &mut SCB) {
         cortex_m::asm::dsb();
         scb.vtor.write(table.expose_provenance() as u32);
     }
+}
+
+unsafe extern "C" {
+    static _stack_end: u32;
+}
+
+/// 16 MiB below the stack, as a power of two: what lies between the flash's registers and RAM.
+const GUARD_LOG2: u32 = 24;
+/// Bits of the core's memory protection (ARMv6-M, B3.5): the address is that of region 0; nothing may be executed there; the region is
+/// on; and elsewhere all is as without. Neither reads nor writes are allowed where nothing says so.
+const REGION_0: u32 = 1 << 4;
+const NEVER_EXECUTE: u32 = 1 << 28;
+const ENABLE: u32 = 1;
+const DEFAULT_ELSEWHERE: u32 = 1 << 2;
+
+/// Makes a stack that has grown out of RAM fault: what the bus makes of the addresses below, the datasheet does not say.
+pub fn guard_stack(mpu: &mut MPU) {
+    // SAFETY: only forbids what no code does.
+    unsafe {
+        mpu.rbar.write((&raw const _stack_end as u32 - (1 << GUARD_LOG2)) | REGION_0);
+        mpu.rasr.write(NEVER_EXECUTE | (GUARD_LOG2 - 1) << 1 | ENABLE);
+        mpu.ctrl.write(DEFAULT_ELSEWHERE | ENABLE);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }

@@ -55,6 +55,7 @@ impl Board {
     /// Sets everything up. Interrupts are off meanwhile. The pins are inputs with a pull-down from a reset on.
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         boot::move_vectors(&mut core.SCB);
+        boot::guard_stack(&mut core.MPU);
         boot::slow_ring_oscillator(&device.ROSC);
         let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET, &device.RESETS);
         postmortem::resume_source().memory.begin_start();

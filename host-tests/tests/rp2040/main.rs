@@ -9,3 +9,4 @@ mod load;
 mod resume;
 mod safety;
 mod spikes;
+mod stack;
