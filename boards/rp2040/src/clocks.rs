@@ -13,7 +13,7 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use rotorlead::controller::{ClockReport, check_timer};
 use rotorlead::link::{Clock, CrystalCheck};
-use rp2040_hal::pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, TIMER, WATCHDOG, XOSC, pll_sys};
+use rp2040_hal::pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, TIMER, VREG_AND_CHIP_RESET, WATCHDOG, XOSC, pll_sys};
 
 use crate::inputs::COUNT_CYCLES;
 
@@ -31,6 +31,19 @@ const CRYSTAL_DELAY: u16 = 63 * (CRYSTAL_HZ / 1000 / 256) as u16;
 const PATIENCE: u32 = 1_000_000;
 /// Microseconds for which the core's counter is compared with the timer: a hundred times what the reads at either end take.
 const COMPARISON_US: u32 = 1000;
+
+/// Threshold of the brown-out detector: 0.946 V, where it is 0.860 V after a reset (RP2040 datasheet, 2.12.9). The core has 1.1 V and is
+/// specified from 0.99 V on, for 133 MHz. The next step, 0.989 V, would be 10 % below the supply, of which the regulator's tolerance, its
+/// ripple and the detector's own tolerance take their parts; and a reset for nothing ends a flight.
+const BROWN_OUT: u8 = 0b1011;
+
+/// Lets a fall of the core's supply reset the chip before the clock is too fast for it.
+pub fn raise_brown_out(chip: &VREG_AND_CHIP_RESET) {
+    chip.bod().write(|w| {
+        w.vsel().variant(BROWN_OUT);
+        w.en().set_bit()
+    });
+}
 
 /// What the clocks are made of.
 pub struct Parts {

@@ -57,6 +57,7 @@ impl Board {
         boot::move_vectors(&mut core.SCB);
         boot::guard_stack(&mut core.MPU);
         boot::slow_ring_oscillator(&device.ROSC);
+        clocks::raise_brown_out(&device.VREG_AND_CHIP_RESET);
         let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET, &device.RESETS);
         postmortem::resume_source().memory.begin_start();
         leave_reset(&device.RESETS);

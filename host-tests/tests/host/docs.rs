@@ -119,7 +119,7 @@ fn the_pins_of_the_rp2040_are_those_of_its_firmware() {
 
 #[test]
 fn every_proof_that_the_page_of_the_rp2040_names_is_a_test() {
-    let sources = ["bidirectional", "link", "load", "resume", "safety", "spikes", "stack"]
+    let sources = ["bidirectional", "link", "load", "resume", "safety", "spikes", "stack", "supply"]
         .map(|name| file(&format!("host-tests/tests/rp2040/{name}.rs")));
     let tests: Vec<&str> = sources
         .iter()

@@ -10,3 +10,4 @@ mod resume;
 mod safety;
 mod spikes;
 mod stack;
+mod supply;
