@@ -11,6 +11,8 @@ pub const LED: u8 = 25;
 /// The link.
 pub const LINK_TX: u8 = 0;
 pub const LINK_RX: u8 = 1;
+/// The mode of the Pico's regulator: high for a fixed frequency.
+pub const REGULATOR_MODE: u8 = 23;
 /// The amplifier of the thrust sensor, input 0 of the converter.
 pub const THRUST: u8 = 26;
 
@@ -32,7 +34,7 @@ const fn pin(gpio: u8, pico: u8, use_: &'static str) -> Pin {
 
 /// Every pin that the firmware uses.
 #[cfg(not(target_os = "none"))]
-pub const PINS: [Pin; 13] = [
+pub const PINS: [Pin; 14] = [
     pin(LINK_TX, 1, "link, controller to host, 1 Mbaud 8N1"),
     pin(LINK_RX, 2, "link, host to controller"),
     pin(INPUT_1, 4, "input 1, from the flight controller (3.3 V, pulled down)"),
@@ -45,5 +47,6 @@ pub const PINS: [Pin; 13] = [
     pin(OUTPUT_1 + 3, 12, "output 4"),
     pin(JUMPER, 14, "jumper to ground (pin 13): allows excitation and injection (pulled up inside)"),
     pin(THRUST, 31, "amplifier of the thrust sensor, 0 to 3.3 V"),
+    Pin { gpio: REGULATOR_MODE, pico: None, use_: "mode of the board's regulator (high: fixed frequency)" },
     Pin { gpio: LED, pico: None, use_: "lamp on the board" },
 ];

@@ -3,7 +3,7 @@
 use rotorlead::controller::hardware::ThrustConverter;
 use rp2040_hal::pac::ADC;
 
-use crate::pinout::THRUST;
+use crate::pinout::{REGULATOR_MODE, THRUST};
 use crate::pins::Pins;
 
 /// The converter: 12 bits in 96 cycles of 48 MHz, 2 µs.
@@ -13,8 +13,11 @@ pub struct ThrustAdc {
 }
 
 impl ThrustAdc {
-    /// Switches it on, out of reset.
+    /// Switches it on, out of reset. The Pico's regulator, whose output is the converter's reference, leaves its power-save mode: there
+    /// its bursts follow the load, and so the ticks, and would come at the same time of each conversion.
     pub fn new(converter: ADC, pins: &Pins) -> Self {
+        pins.set_low_output(REGULATOR_MODE);
+        pins.put(REGULATOR_MODE, true);
         pins.set_analog(THRUST);
         converter.cs().write(|w| {
             w.en().set_bit();

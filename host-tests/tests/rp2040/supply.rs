@@ -1,6 +1,6 @@
-//! The supply: the core's brown-out detector.
+//! The supply: the core's brown-out detector, and the mode of the board's regulator.
 
-use emulator::rp2040::{Emulator, Region, Run};
+use emulator::rp2040::{Edge, Emulator, Region, Run};
 use host_tests::pins::{self, ms};
 
 /// The brown-out detector's register.
@@ -15,4 +15,16 @@ fn the_brown_out_detector_is_on_at_0_946_v() {
     // The thresholds are 43 mV apart, from 0.473 V on (RP2040 datasheet, 2.12.9).
     let register = u32::from_le_bytes(*trace.memory[0].first_chunk().unwrap());
     assert_eq!((473 + 43 * (register >> 4 & 0xf), register & 1), (946, 1));
+}
+
+/// The pin that tells the Pico's regulator its mode.
+const REGULATOR_MODE: u8 = 23;
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn the_regulator_has_a_fixed_frequency() {
+    let mut run = Run::new(pins::image(), ms(100.0));
+    run.watch.push(REGULATOR_MODE);
+    let modes: Vec<Edge> = pins::trace(Emulator::Node, &run).edges_of(REGULATOR_MODE).collect();
+    assert!(matches!(modes[..], [Edge { is_high: true, .. }]), "{modes:?}");
 }
