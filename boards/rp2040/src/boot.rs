@@ -9,7 +9,8 @@ use rp2040_hal::pac::ROSC;
 
 use crate::clocks::SYSTEM_PLL;
 
-/// What the boot ROM runs first: it lets the flash be read four bits at a time.
+/// What the boot ROM runs first: it lets the flash be read four bits at a time. For other chips see "Flashing" in
+/// `docs/board-rp2040.md`.
 #[unsafe(link_section = ".boot2")]
 #[used]
 static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
