@@ -15,6 +15,9 @@ const COMMANDS: [f64; 4] = [0.25, 0.65, 0.35, 0.8];
 const VALUES: f64 = 1999.0;
 const VALUE_OF_ZERO: f64 = 48.0;
 
+/// Pulses that do not arm yet.
+const BEFORE_ARMED: u64 = COMMANDS_TO_ARM as u64 - 1;
+
 /// A protocol, its shortest pulse and its span, and the time from pulse to pulse.
 struct Pulses {
     protocol: PulseProtocol,
@@ -36,8 +39,9 @@ struct Taken {
     worst_us: f64,
 }
 
-/// Pulses at all inputs, those of each beneath spikes of another of [`WIDTHS_US`].
-fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
+/// Pulses at all inputs, those of each beneath spikes of another of [`WIDTHS_US`]: `spikes` gives when these begin and end, from a
+/// width, the end of the run, and a number for each input.
+fn taken(emulator: Emulator, pulses: &Pulses, spikes: impl Fn(f64, u64, u64) -> Vec<u64>) -> [Taken; 4] {
     let period = us(1e6 / f64::from(pulses.frame_hz));
     let settings = Settings {
         input: Pulse { protocol: pulses.protocol, frame_hz: pulses.frame_hz },
@@ -56,7 +60,7 @@ fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
                 [rise, rise + us(pulses.low_us + pulses.span_us * command)]
             })
             .collect();
-        let mut spikes = toggles(us(1000.0) as f64 / rate_khz, us(width_us), end, 1 + u64::from(motor));
+        let mut spikes = spikes(width_us, end, 1 + u64::from(motor));
         spikes.retain(|time| *time > first * period);
         if !spikes.len().is_multiple_of(2) {
             spikes.remove(0);
@@ -88,7 +92,10 @@ fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
 }
 
 fn each_pulse_passes(emulator: Emulator, pulses: &Pulses) {
-    let found = RATES_KHZ.map(|rate_khz| taken(emulator, pulses, rate_khz));
+    let found = RATES_KHZ.map(|rate_khz| {
+        let period = us(1000.0) as f64 / rate_khz;
+        taken(emulator, pulses, |width_us, end, seed| toggles(period, us(width_us), end, seed))
+    });
     let found = || {
         RATES_KHZ.iter().zip(&found).flat_map(|(rate_khz, all)| {
             WIDTHS_US.iter().zip(all).map(move |(width_us, taken)| (*rate_khz, *width_us, taken))
@@ -102,9 +109,7 @@ fn each_pulse_passes(emulator: Emulator, pulses: &Pulses) {
         );
     }
     for (rate_khz, width_us, taken) in found() {
-        // The first two do not arm yet.
-        let arming = u64::from(COMMANDS_TO_ARM) - 1;
-        assert_eq!(taken.count, pulses.sent - arming, "spikes of {width_us} us at {rate_khz} kHz");
+        assert_eq!(taken.count, pulses.sent - BEFORE_ARMED, "spikes of {width_us} us at {rate_khz} kHz");
         // One beside either edge, samples of the debounce, and a value of DShot.
         let mut most_us = 2.0 * width_us + 0.2 + pulses.span_us / VALUES;
         if emulator == Emulator::Native {
@@ -138,4 +143,20 @@ fn standard_pulses_pass_beneath_spikes_in_rp2040_emu() {
 #[ignore = "needs the image and the emulators: cargo xtask test"]
 fn oneshot_pulses_pass_beneath_spikes_in_rp2040_emu() {
     each_pulse_passes(Emulator::Native, &ONESHOT125);
+}
+
+/// What the page says of spikes that come more and more closely: as many samples with the old level as end an attempt lie between two.
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn spikes_add_up_where_the_line_has_no_rest_between_them() {
+    const REST_US: f64 = 2.56;
+    let counts = |share: f64| {
+        let spikes = |width_us: f64, end: u64, _| {
+            let period = us((REST_US + width_us) / share);
+            (1..end / period).flat_map(|n| [n * period, n * period + us(width_us)]).collect()
+        };
+        taken(Emulator::Node, &STANDARD_PWM, spikes).map(|taken| taken.count)
+    };
+    assert_eq!(counts(0.95), [STANDARD_PWM.sent - BEFORE_ARMED; 4]);
+    assert_eq!(counts(1.05), [0; 4]);
 }
