@@ -1,8 +1,8 @@
 //! The link, and the settings that it stores.
 
-use emulator::rp2040::{Bytes, Emulator, Flash as Stored, PowerCut, Region, Run, Trace};
+use emulator::rp2040::{Bytes, Edge, Emulator, Flash as Stored, PowerCut, Region, Run, Trace};
 use host_tests::flash::Flash;
-use host_tests::pins::{self, INPUT_1, OUTPUT_1, ms, pulses, pulses_of, us};
+use host_tests::pins::{self, INPUT_1, JUMPER, OUTPUT_1, ms, pulses, pulses_of, us};
 use host_tests::scenario::table::{self, Column};
 use host_tests::scenario::yes;
 use rotorlead::dshot::Speed;
@@ -50,10 +50,14 @@ fn chosen() -> Settings {
     Settings { output: dshot, ..Settings::default() }
 }
 
+/// The jumper is fitted, or nothing could be stored in the first seconds.
+const FITTED: Edge = Edge { cycle: 0, pin: JUMPER, is_high: false };
+
 /// A controller with the defaults on which somebody sets others and saves them.
 fn saving() -> Run {
     let mut run = pins::run(&Settings::default(), STARTED + ms(700.0));
     run.uart_in = requests(STARTED, 300.0, &[Request::SetSettings(chosen()), Request::SaveSettings]);
+    run.inputs.push(FITTED);
     run.memory.push(SETTINGS);
     run
 }
@@ -118,6 +122,7 @@ fn frames_go_on_while_the_flash_is_erased_and_written() {
     let saved_at = STARTED + ms(100.0);
     run.uart_in = requests(saved_at, 0.0, &[Request::SaveSettings]);
     run.inputs = pulses(INPUT_1, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0));
+    run.inputs.push(FITTED);
     run.watch.push(OUTPUT_1);
     let trace = pins::trace(Emulator::Node, &run);
     assert!(trace.faults.is_empty(), "{:?}", trace.faults);
