@@ -29,8 +29,8 @@ enum rotorlead_status
     ROTORLEAD_STATUS_BAD_POINTER = 1,
     // The compensator has no design.
     ROTORLEAD_STATUS_NOT_DESIGNED = 2,
-    // The command is NaN. It was taken for 0.
-    ROTORLEAD_STATUS_COMMAND_NOT_A_NUMBER = 3,
+    // The command is infinite or NaN. It was taken for 0.
+    ROTORLEAD_STATUS_COMMAND_NOT_FINITE = 3,
     // No pole or point was given.
     ROTORLEAD_STATUS_NO_POINTS = 4,
     // More than 33 poles or points were given.
@@ -137,7 +137,7 @@ typedef struct rotorlead_point {
 extern "C" {
 #endif // __cplusplus
 
-// The command nearest to a number, 0 to 1. Beyond these it is the nearer end, and 0 for NaN.
+// The command nearest to a number, 0 to 1. Beyond these it is the nearer end, and 0 for an infinity and NaN.
 struct rotorlead_command rotorlead_command_from_float(float value);
 
 // The number nearest to a command, 0 to 1.
@@ -146,7 +146,7 @@ float rotorlead_command_to_float(struct rotorlead_command command);
 // One control tick: takes the command of the mixer and gives that for the ESC, within the limits of the design. Call it once per
 // tick, at the rate of the design.
 //
-// Where it fails the output is 0. With a NaN as the command it goes on as with 0.
+// Where it fails the output is 0. With a command that is infinite or NaN it goes on as with 0.
 //
 // `compensator` is NULL, or points to one that no one else uses meanwhile, which a function of this header or nobody has
 // written. `output` is NULL or points to a float.

@@ -20,10 +20,19 @@ impl From<rotorlead::throttle::Command> for Command {
     }
 }
 
-/// The command nearest to a number, 0 to 1. Beyond these it is the nearer end, and 0 for NaN.
+impl Command {
+    pub(crate) const ZERO: Self = Self { q29: 0 };
+
+    /// The command nearest to a number, where that is one: a division by 0 asks for no full throttle.
+    pub(crate) fn from_finite(value: f32) -> Option<Self> {
+        value.is_finite().then(|| rotorlead::throttle::Command::saturating_from_f32(value).into())
+    }
+}
+
+/// The command nearest to a number, 0 to 1. Beyond these it is the nearer end, and 0 for an infinity and NaN.
 #[unsafe(no_mangle)]
 pub extern "C" fn rotorlead_command_from_float(value: f32) -> Command {
-    rotorlead::throttle::Command::saturating_from_f32(value).into()
+    Command::from_finite(value).unwrap_or(Command::ZERO)
 }
 
 /// The number nearest to a command, 0 to 1.

@@ -60,7 +60,7 @@ impl Compensator {
 /// One control tick: takes the command of the mixer and gives that for the ESC, within the limits of the design. Call it once per
 /// tick, at the rate of the design.
 ///
-/// Where it fails the output is 0. With a NaN as the command it goes on as with 0.
+/// Where it fails the output is 0. With a command that is infinite or NaN it goes on as with 0.
 ///
 /// # Safety
 /// `compensator` is NULL, or points to one that no one else uses meanwhile, which a function of this header or nobody has
@@ -76,8 +76,9 @@ pub unsafe extern "C" fn rotorlead_step_float(compensator: *mut Compensator, com
         }
         (Ok(inner), Ok(output)) => (inner, output),
     };
-    output.write(inner.update(rotorlead::throttle::Command::saturating_from_f32(command)).to_f32());
-    if command.is_nan() { Status::CommandNotANumber } else { Status::Ok }
+    let finite = Command::from_finite(command).ok_or(Status::CommandNotFinite);
+    output.write(inner.update(finite.unwrap_or(Command::ZERO).into()).to_f32());
+    finite.map(drop).into()
 }
 
 /// The same with commands as they are in the filter, which saves the conversions.

@@ -14,8 +14,8 @@ pub enum Status {
     BadPointer = 1,
     /// The compensator has no design.
     NotDesigned = 2,
-    /// The command is NaN. It was taken for 0.
-    CommandNotANumber = 3,
+    /// The command is infinite or NaN. It was taken for 0.
+    CommandNotFinite = 3,
     /// No pole or point was given.
     NoPoints = 4,
     /// More than 33 poles or points were given.
@@ -72,7 +72,7 @@ impl Status {
         Self::Ok,
         Self::BadPointer,
         Self::NotDesigned,
-        Self::CommandNotANumber,
+        Self::CommandNotFinite,
         Self::NoPoints,
         Self::TooManyPoints,
         Self::PoleOutOfRange,
@@ -108,8 +108,8 @@ impl Status {
             Self::NotDesigned => {
                 c"the compensator has no design: call rotorlead_design_lead or rotorlead_design_inverse first, and look at what it returns"
             }
-            Self::CommandNotANumber => {
-                c"the command is not a number, and was taken for 0: look where the mixer divides by 0"
+            Self::CommandNotFinite => {
+                c"the command is infinite or not a number, and was taken for 0: look where the mixer divides by 0"
             }
             Self::NoPoints => c"no pole or point was given: a design needs at least one identified point",
             Self::TooManyPoints => c"more than 33 poles or points were given: leave some out",
