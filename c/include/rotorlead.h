@@ -10,7 +10,6 @@
 #ifndef ROTORLEAD_H
 #define ROTORLEAD_H
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -27,7 +26,7 @@ enum rotorlead_status
     ROTORLEAD_STATUS_OK = 0,
     // A pointer is NULL, or is not aligned for its type.
     ROTORLEAD_STATUS_BAD_POINTER = 1,
-    // The compensator has no design.
+    // The compensator has no design, or others have written to it.
     ROTORLEAD_STATUS_NOT_DESIGNED = 2,
     // The command is infinite or NaN. It was taken for 0.
     ROTORLEAD_STATUS_COMMAND_NOT_FINITE = 3,
@@ -95,7 +94,8 @@ typedef struct rotorlead_command {
 } rotorlead_command;
 
 // The compensator of one motor. It holds its design and its state, and no pointer: it may be copied, and one design serves as
-// many motors as there are copies. It is for the functions of this header alone. Zeroed, it is one without a design.
+// many motors as there are copies. It is for the functions of this header alone. Zeroed, it is one without a design. Whatever else
+// writes to it, a step stays within it and gives 0 to 1.
 typedef struct rotorlead_compensator {
     // Nothing for the caller.
     uint32_t words[ROTORLEAD_COMPENSATOR_WORDS];
@@ -148,8 +148,7 @@ float rotorlead_command_to_float(struct rotorlead_command command);
 //
 // Where it fails the output is 0. With a command that is infinite or NaN it goes on as with 0.
 //
-// `compensator` is NULL, or points to one that no one else uses meanwhile, which a function of this header or nobody has
-// written. `output` is NULL or points to a float.
+// `compensator` is NULL, or points to one that no one else uses meanwhile. `output` is NULL or points to a float.
 rotorlead_status rotorlead_step_float(struct rotorlead_compensator *compensator,
                                       float command,
                                       float *output);
@@ -175,12 +174,12 @@ rotorlead_status rotorlead_reset(struct rotorlead_compensator *compensator,
 rotorlead_status rotorlead_restart(struct rotorlead_compensator *compensator,
                                    struct rotorlead_command level);
 
-// Switches the filter into the path of the command (`true`, as it begins) or leaves it out (`false`), from the next tick on and
+// Switches the filter into the path of the command (any number but 0, as it begins) or leaves it out (0), from the next tick on and
 // without a jump of the output.
 //
 // As of `rotorlead_step_float`.
 rotorlead_status rotorlead_set_enabled(struct rotorlead_compensator *compensator,
-                                       bool enabled);
+                                       int32_t enabled);
 
 // The paper's lead from 1 to 33 identified poles `1 / tau` and the highest frequency that is to be amplified, all rad/s: the
 // zero on the fastest pole, the poles at the geometric mean, and no overshoot.

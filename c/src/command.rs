@@ -22,6 +22,7 @@ impl From<rotorlead::throttle::Command> for Command {
 
 impl Command {
     pub(crate) const ZERO: Self = Self { q29: 0 };
+    pub(crate) const ONE: Self = Self { q29: rotorlead::throttle::Command::ONE.to_bits() };
 
     /// The command nearest to a number, where that is one: a division by 0 asks for no full throttle.
     pub(crate) fn from_finite(value: f32) -> Option<Self> {

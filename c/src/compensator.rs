@@ -3,13 +3,14 @@
 use rotorlead::compensator::Compensator as Inner;
 
 use crate::pointer::{out, shared};
-use crate::{Command, Status};
+use crate::{Command, Status, rotorlead_command_to_float};
 
 /// Words of a compensator.
 pub const COMPENSATOR_WORDS: usize = 92;
 
 /// The compensator of one motor. It holds its design and its state, and no pointer: it may be copied, and one design serves as
-/// many motors as there are copies. It is for the functions of this header alone. Zeroed, it is one without a design.
+/// many motors as there are copies. It is for the functions of this header alone. Zeroed, it is one without a design. Whatever else
+/// writes to it, a step stays within it and gives 0 to 1.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Compensator {
@@ -43,17 +44,34 @@ impl Compensator {
         Ok(())
     }
 
-    /// The compensator in the caller's memory.
+    /// The compensator in the caller's memory, which may have been written to by others.
     ///
     /// # Safety
-    /// As of [`out`], and the caller has not written to it.
+    /// As of [`out`].
     unsafe fn inner<'a>(this: *mut Self) -> Result<&'a mut Inner, Status> {
         // SAFETY: as of this function. Any bits are a word.
         if unsafe { *shared(this.cast::<u32>())? } != SEAL {
             return Err(Status::NotDesigned);
         }
-        // SAFETY: the seal is written together with the rest, and no function of this crate writes one without the other.
-        Ok(&mut unsafe { out(this.cast::<Sealed>())?.assume_init_mut() }.inner)
+        // SAFETY: as of this function. The pointer is not NULL: it led to the seal.
+        let inner = unsafe { &raw mut (*this.cast::<Sealed>()).inner };
+        // SAFETY: as of this function. Any bits are a byte.
+        if !Inner::is_held_by(|offset| unsafe { *inner.cast::<u8>().add(offset) }) {
+            return Err(Status::NotDesigned);
+        }
+        // SAFETY: as of this function, and its memory holds one.
+        Ok(unsafe { &mut *inner })
+    }
+
+    /// One tick.
+    ///
+    /// # Safety
+    /// As of [`out`].
+    unsafe fn step(this: *mut Self, command: Command) -> Result<Command, Status> {
+        // SAFETY: as of this function.
+        let output = Command::from(unsafe { Self::inner(this) }?.update(command.into()));
+        // Limits that others have written may be any.
+        if (0..=Command::ONE.q29).contains(&output.q29) { Ok(output) } else { Err(Status::NotDesigned) }
     }
 }
 
@@ -63,22 +81,19 @@ impl Compensator {
 /// Where it fails the output is 0. With a command that is infinite or NaN it goes on as with 0.
 ///
 /// # Safety
-/// `compensator` is NULL, or points to one that no one else uses meanwhile, which a function of this header or nobody has
-/// written. `output` is NULL or points to a float.
+/// `compensator` is NULL, or points to one that no one else uses meanwhile. `output` is NULL or points to a float.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn rotorlead_step_float(compensator: *mut Compensator, command: f32, output: *mut f32) -> Status {
     // SAFETY: as of this function.
-    let (inner, output) = match unsafe { (Compensator::inner(compensator), out(output)) } {
-        (_, Err(status)) => return status,
-        (Err(status), Ok(output)) => {
-            output.write(0.0);
-            return status;
-        }
-        (Ok(inner), Ok(output)) => (inner, output),
+    let output = match unsafe { out(output) } {
+        Ok(output) => output,
+        Err(status) => return status,
     };
     let finite = Command::from_finite(command).ok_or(Status::CommandNotFinite);
-    output.write(inner.update(finite.unwrap_or(Command::ZERO).into()).to_f32());
-    finite.map(drop).into()
+    // SAFETY: as of this function.
+    let stepped = unsafe { Compensator::step(compensator, finite.unwrap_or(Command::ZERO)) };
+    output.write(rotorlead_command_to_float(stepped.unwrap_or(Command::ZERO)));
+    stepped.and(finite).map(drop).into()
 }
 
 /// The same with commands as they are in the filter, which saves the conversions.
@@ -91,19 +106,17 @@ pub unsafe extern "C" fn rotorlead_step(
     command: Command,
     output: *mut Command,
 ) -> Status {
-    // SAFETY: as of this function.
-    let (inner, output) = match unsafe { (Compensator::inner(compensator), out(output)) } {
-        (_, Err(status)) => return status,
-        (Err(status), Ok(output)) => {
-            output.write(Command { q29: 0 });
-            return status;
-        }
-        (Ok(inner), Ok(output)) => (inner, output),
-    };
     #[cfg(feature = "planted-panic")]
     core::hint::black_box([command.q29][core::hint::black_box(usize::from(command.q29 > 1 << 28))]);
-    output.write(inner.update(command.into()).into());
-    Status::Ok
+    // SAFETY: as of this function.
+    let output = match unsafe { out(output) } {
+        Ok(output) => output,
+        Err(status) => return status,
+    };
+    // SAFETY: as of this function.
+    let stepped = unsafe { Compensator::step(compensator, command) };
+    output.write(stepped.unwrap_or(Command::ZERO));
+    stepped.map(drop).into()
 }
 
 /// Puts the compensator at rest at a command: as long as that is the command, it is the output. For the tick before the motor
@@ -128,13 +141,13 @@ pub unsafe extern "C" fn rotorlead_restart(compensator: *mut Compensator, level:
     unsafe { Compensator::inner(compensator) }.map(|inner| inner.restart(level.into())).into()
 }
 
-/// Switches the filter into the path of the command (`true`, as it begins) or leaves it out (`false`), from the next tick on and
+/// Switches the filter into the path of the command (any number but 0, as it begins) or leaves it out (0), from the next tick on and
 /// without a jump of the output.
 ///
 /// # Safety
 /// As of `rotorlead_step_float`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn rotorlead_set_enabled(compensator: *mut Compensator, enabled: bool) -> Status {
+pub unsafe extern "C" fn rotorlead_set_enabled(compensator: *mut Compensator, enabled: i32) -> Status {
     // SAFETY: as of this function.
-    unsafe { Compensator::inner(compensator) }.map(|inner| inner.set_enabled(enabled)).into()
+    unsafe { Compensator::inner(compensator) }.map(|inner| inner.set_enabled(enabled != 0)).into()
 }

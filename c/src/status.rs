@@ -12,7 +12,7 @@ pub enum Status {
     Ok = 0,
     /// A pointer is NULL, or is not aligned for its type.
     BadPointer = 1,
-    /// The compensator has no design.
+    /// The compensator has no design, or others have written to it.
     NotDesigned = 2,
     /// The command is infinite or NaN. It was taken for 0.
     CommandNotFinite = 3,
@@ -106,7 +106,7 @@ impl Status {
             Self::Ok => c"ok",
             Self::BadPointer => c"a pointer is NULL, or is not aligned for its type: give the address of a variable",
             Self::NotDesigned => {
-                c"the compensator has no design: call rotorlead_design_lead or rotorlead_design_inverse first, and look at what it returns"
+                c"the compensator has no design, or others have written to its memory: call rotorlead_design_lead or rotorlead_design_inverse first, and look at what it returns"
             }
             Self::CommandNotFinite => {
                 c"the command is infinite or not a number, and was taken for 0: look where the mixer divides by 0"

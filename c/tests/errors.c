@@ -92,7 +92,7 @@ static void bad_pointers(void)
     EXPECT(BAD_POINTER, rotorlead_step(&compensator, half, NULL));
     EXPECT(BAD_POINTER, rotorlead_reset(NULL, half));
     EXPECT(BAD_POINTER, rotorlead_restart(NULL, half));
-    EXPECT(BAD_POINTER, rotorlead_set_enabled(NULL, true));
+    EXPECT(BAD_POINTER, rotorlead_set_enabled(NULL, 1));
 }
 
 /* A failed step gives 0, and a refused design leaves the one before. */
@@ -107,7 +107,7 @@ static void nothing_is_left_open(void)
     EXPECT(NOT_DESIGNED, rotorlead_step(&zeroed, half, &command));
     EXPECT(NOT_DESIGNED, rotorlead_reset(&zeroed, half));
     EXPECT(NOT_DESIGNED, rotorlead_restart(&zeroed, half));
-    EXPECT(NOT_DESIGNED, rotorlead_set_enabled(&zeroed, false));
+    EXPECT(NOT_DESIGNED, rotorlead_set_enabled(&zeroed, 0));
     if (number != 0.0f || command.q29 != 0) {
         fprintf(stderr, "a step that fails gives no 0\n");
         failed = 1;
@@ -146,6 +146,29 @@ static void a_command_that_is_not_finite_is_0(void)
     }
 }
 
+/* Also one whose lowest bits are 0. A switch there and back changes nothing. */
+static void any_number_but_0_switches_in(void)
+{
+    static const int32_t numbers[] = { 1, 2, 256, -1, INT32_MIN };
+    unsigned count;
+    EXPECT(OK, lead_within(0.0, 1.0));
+    EXPECT(OK, rotorlead_reset(&compensator, rotorlead_command_from_float(0.5f)));
+    for (count = 0; count < sizeof numbers / sizeof numbers[0]; count++) {
+        rotorlead_compensator untouched = compensator;
+        rotorlead_compensator switched = compensator;
+        float expected;
+        float number;
+        EXPECT(OK, rotorlead_set_enabled(&switched, 0));
+        EXPECT(OK, rotorlead_set_enabled(&switched, numbers[count]));
+        EXPECT(OK, rotorlead_step_float(&untouched, 0.51f, &expected));
+        EXPECT(OK, rotorlead_step_float(&switched, 0.51f, &number));
+        if (number != expected) {
+            fprintf(stderr, "%ld leaves the filter out\n", (long)numbers[count]);
+            failed = 1;
+        }
+    }
+}
+
 int main(void)
 {
     static double many[34];
@@ -153,6 +176,7 @@ int main(void)
     bad_pointers();
     nothing_is_left_open();
     a_command_that_is_not_finite_is_0();
+    any_number_but_0_switches_in();
 
     EXPECT(NO_POINTS, rotorlead_lead_from_poles(many, 0, 600.0, &lead));
     EXPECT(TOO_MANY_POINTS, rotorlead_lead_from_poles(many, 34, 600.0, &lead));

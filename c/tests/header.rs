@@ -34,7 +34,7 @@ fn config() -> Config {
         trailer: Some(BELOW.to_owned()),
         include_guard: Some("ROTORLEAD_H".to_owned()),
         no_includes: true,
-        sys_includes: ["stdbool.h", "stddef.h", "stdint.h"].map(str::to_owned).to_vec(),
+        sys_includes: ["stddef.h", "stdint.h"].map(str::to_owned).to_vec(),
         usize_is_size_t: true,
         braces: Braces::SameLine,
         style: Style::Both,

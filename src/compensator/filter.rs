@@ -78,10 +78,11 @@ impl From<InverseFilter> for Filter {
 /// A [`Filter`] with its state. Its outputs are within the limits that it was made with.
 #[allow(clippy::large_enum_variant)] // As `Filter`.
 #[derive(Clone, Copy, Debug)]
+#[repr(u8)] // For `KINDS`.
 pub(super) enum RunningFilter {
-    Lead(RunningLead),
-    LimitedLead(RunningLimitedLead),
-    Inverse(RunningInverse),
+    Lead(RunningLead) = 0,
+    LimitedLead(RunningLimitedLead) = 1,
+    Inverse(RunningInverse) = 2,
 }
 
 /// A section with the limits of its output.
@@ -139,6 +140,9 @@ impl RunningInverse {
 }
 
 impl RunningFilter {
+    /// Its first byte is below this.
+    pub const KINDS: u8 = 3;
+
     /// At rest at `min`, which is at most `max`.
     pub fn at_rest(filter: Filter, min: Command, max: Command) -> Self {
         match filter {

@@ -4,7 +4,7 @@ mod filter;
 
 pub use filter::{CommandRange, Filter, InverseFilter, LeadFilter};
 
-use core::num::NonZeroI32;
+use core::mem::offset_of;
 
 use crate::throttle::{Command, Throttle};
 use filter::RunningFilter;
@@ -63,32 +63,34 @@ pub struct Compensator {
 
 /// What the output follows.
 #[derive(Clone, Copy, Debug)]
+#[repr(u8)] // For `Compensator::is_held_by`.
 enum Path {
     /// The filter, within the limits.
-    Filter,
+    Filter = 0,
     /// The input, clamped.
-    Bypass,
+    Bypass = 1,
 }
 
 /// How the next tick forms the output from its target, the output of the path.
 ///
 /// Offsets are output minus target in LSB of 2^-29.
 #[derive(Clone, Copy, Debug)]
+#[repr(u8)] // As `Path`.
 enum State {
     /// The output is that of the filter: the fast path of [`Compensator::update`].
-    Filter,
+    Filter = 0,
     /// The output is that of the bypass.
-    Bypass,
+    Bypass = 1,
     /// The output is that of `path`, plus an offset that decays.
-    Decay { path: Path, offset: NonZeroI32 },
+    Decay { path: Path, offset: i32 } = 2,
     /// The tick switches to the path `to`, and limits the output increment.
     Switch {
         to: Path,
         /// Of the path left, 0 for none. A switch back before the tick restores it.
         offset: i32,
-    },
+    } = 3,
     /// The filter was restarted at another level. The tick limits the output increment, on either path.
-    Restart { path: Path },
+    Restart { path: Path } = 4,
 }
 
 impl Path {
@@ -100,10 +102,20 @@ impl Path {
 impl State {
     /// After a tick of `path`, which left `offset`.
     const fn after(path: Path, offset: i32) -> Self {
-        match (NonZeroI32::new(offset), path) {
-            (Some(offset), path) => Self::Decay { path, offset },
-            (None, Path::Filter) => Self::Filter,
-            (None, Path::Bypass) => Self::Bypass,
+        match (offset, path) {
+            (0, Path::Filter) => Self::Filter,
+            (0, Path::Bypass) => Self::Bypass,
+            _ => Self::Decay { path, offset },
+        }
+    }
+
+    /// Whether bytes hold a state: its number and, behind it, that of a path where it has one.
+    #[inline]
+    fn is_held_by(byte_at: impl Fn(usize) -> u8) -> bool {
+        match byte_at(0) {
+            0..=1 => true,
+            2..=4 => byte_at(1) <= Path::Bypass as u8,
+            _ => false,
         }
     }
 
@@ -124,7 +136,7 @@ impl State {
             (Self::Restart { .. }, ..) => Self::Restart { path: to },
             (_, Path::Filter, Path::Filter) | (_, Path::Bypass, Path::Bypass) => self,
             (Self::Filter | Self::Bypass, ..) => Self::Switch { to, offset: 0 },
-            (Self::Decay { offset, .. }, ..) => Self::Switch { to, offset: offset.get() },
+            (Self::Decay { offset, .. }, ..) => Self::Switch { to, offset },
             (Self::Switch { offset, .. }, ..) => Self::after(to, offset),
         }
     }
@@ -140,6 +152,17 @@ impl Compensator {
         let max = max.max(min);
         let filter = RunningFilter::at_rest(filter.into(), min, max);
         Self { filter, is_enabled: true, min, max, state: State::Filter, outputs: [min; 2] }
+    }
+
+    /// Whether memory that others write to holds a compensator, of which `byte_at` reads the byte at an offset: whether its
+    /// enumerations and its `bool` are among their values. All the rest are integers, with which no update reads beyond it,
+    /// divides or loops.
+    #[inline]
+    #[must_use]
+    pub fn is_held_by(byte_at: impl Fn(usize) -> u8) -> bool {
+        byte_at(offset_of!(Self, filter)) < RunningFilter::KINDS
+            && byte_at(offset_of!(Self, is_enabled)) <= 1
+            && State::is_held_by(|offset| byte_at(offset_of!(Self, state) + offset))
     }
 
     /// Puts the filter and the past outputs at rest at `level`. The output may jump: at an input of `level` the next
@@ -232,7 +255,7 @@ impl Compensator {
         let output = match self.state {
             State::Filter | State::Bypass => target,
             State::Decay { offset, .. } => {
-                let offset = offset.get() - self.filter.decay_step(offset.get());
+                let offset = offset - self.filter.decay_step(offset);
                 Throttle::from_bits(target.to_bits() + offset).clamp_in_order(self.min, self.max)
             }
             State::Switch { .. } | State::Restart { .. } => {
