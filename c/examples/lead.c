@@ -1,6 +1,6 @@
 /*
  * Four motors with the lead compensator, as a flight controller has them: designed once, then one step per motor and tick.
- * Prints what each ESC would get, as the bits of a float.
+ * Prints what each ESC would get, as the bits of a float. Its arguments are the loop rate in Hz and the slew limit per second.
  */
 #include <inttypes.h>
 #include <stdbool.h>
@@ -19,12 +19,16 @@ static const float STOP = 0.0f;
 
 static rotorlead_compensator motors[MOTORS];
 
-/* Poles 1 / tau of the identified motors, and the highest frequency that is to be amplified, rad/s. */
-static rotorlead_status design(double loop_rate_hz)
+/* Poles 1 / tau of the identified motors, and the highest frequency that is to be amplified, rad/s. The slew limit is the usual one
+ * where it is NULL. */
+static rotorlead_status design(double loop_rate_hz, const char *slew_per_s)
 {
     static const double poles_rad_s[] = { 6.2758, 9.2889, 14.1275 };
     rotorlead_lead lead;
     rotorlead_status status = rotorlead_lead_from_poles(poles_rad_s, 3, 628.32, &lead);
+    if (slew_per_s != NULL) {
+        lead.slew_per_s = strtod(slew_per_s, NULL);
+    }
     if (status == ROTORLEAD_STATUS_OK) {
         status = rotorlead_design_lead(&motors[0], &lead, loop_rate_hz, (double)IDLE, 1.0);
     }
@@ -59,7 +63,7 @@ static float mixer(int tick, int motor)
 int main(int count, char **arguments)
 {
     double loop_rate_hz = count > 1 ? strtod(arguments[1], NULL) : 8000.0;
-    rotorlead_status status = design(loop_rate_hz);
+    rotorlead_status status = design(loop_rate_hz, count > 2 ? arguments[2] : NULL);
     if (status != ROTORLEAD_STATUS_OK) {
         fprintf(stderr, "%s\n", rotorlead_status_text(status));
         return 1;

@@ -109,6 +109,8 @@ typedef struct rotorlead_lead {
     double omega_f_rad_s;
     // Damping ratio of the poles, 0.3 to 2. 0.7071 does not overshoot.
     double damping;
+    // Largest change of the output, units of the command per second; 0 for no limit. The slowest that the ESC may have.
+    double slew_per_s;
 } rotorlead_lead;
 
 // The conditioned inverse along the reference model `omega_f^2 / (s^2 + 2 damping omega_f s + omega_f^2)`.
@@ -183,6 +185,9 @@ rotorlead_status rotorlead_set_enabled(struct rotorlead_compensator *compensator
 
 // The paper's lead from 1 to 33 identified poles `1 / tau` and the highest frequency that is to be amplified, all rad/s: the
 // zero on the fastest pole, the poles at the geometric mean, and no overshoot.
+//
+// `slew_per_s` becomes 20, 2 % per millisecond: the slowest of the ESCs whose slew is known, and what Rotorlead's own controller
+// begins with. Set it to your ESC's, or to 0 for the paper's lead, which has no limit.
 //
 // `poles_rad_s` is NULL or points to `count` doubles, and `lead` is NULL or points to a `rotorlead_lead`.
 rotorlead_status rotorlead_lead_from_poles(const double *poles_rad_s,

@@ -1,7 +1,7 @@
 //! From what was identified to a compensator.
 
 use rotorlead::compensator::{CommandRange, Compensator as Inner};
-use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
+use rotorlead::design::{CurvePoint, DEFAULT_SLEW_PER_S, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
 use rotorlead::inverse::TABLE_POINTS;
 use rotorlead::throttle::Command;
 
@@ -18,6 +18,8 @@ pub struct Lead {
     pub omega_f_rad_s: f64,
     /// Damping ratio of the poles, 0.3 to 2. 0.7071 does not overshoot.
     pub damping: f64,
+    /// Largest change of the output, units of the command per second; 0 for no limit. The slowest that the ESC may have.
+    pub slew_per_s: f64,
 }
 
 /// The conditioned inverse along the reference model `omega_f^2 / (s^2 + 2 damping omega_f s + omega_f^2)`.
@@ -49,6 +51,9 @@ pub struct Point {
 /// The paper's lead from 1 to 33 identified poles `1 / tau` and the highest frequency that is to be amplified, all rad/s: the
 /// zero on the fastest pole, the poles at the geometric mean, and no overshoot.
 ///
+/// `slew_per_s` becomes 20, 2 % per millisecond: the slowest of the ESCs whose slew is known, and what Rotorlead's own controller
+/// begins with. Set it to your ESC's, or to 0 for the paper's lead, which has no limit.
+///
 /// # Safety
 /// `poles_rad_s` is NULL or points to `count` doubles, and `lead` is NULL or points to a `rotorlead_lead`.
 #[unsafe(no_mangle)]
@@ -63,7 +68,7 @@ pub unsafe extern "C" fn rotorlead_lead_from_poles(
     let made = pointers.and_then(|(poles_rad_s, lead)| {
         let made = LeadParameters::from_poles(poles_rad_s, omega_g_rad_s)?;
         let LeadParameters { omega_z_rad_s, omega_f_rad_s, damping } = made;
-        lead.write(Lead { omega_z_rad_s, omega_f_rad_s, damping });
+        lead.write(Lead { omega_z_rad_s, omega_f_rad_s, damping, slew_per_s: DEFAULT_SLEW_PER_S });
         Ok(())
     });
     made.into()
@@ -85,10 +90,10 @@ pub unsafe extern "C" fn rotorlead_design_lead(
 ) -> Status {
     // SAFETY: as of this function.
     let made = unsafe { shared(lead) }.and_then(|lead| {
-        let Lead { omega_z_rad_s, omega_f_rad_s, damping } = *lead;
+        let Lead { omega_z_rad_s, omega_f_rad_s, damping, slew_per_s } = *lead;
         let design = LeadDesign::new(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }, loop_rate_hz, None)?;
         let CommandRange { lowest, highest } = range(min, max).ok_or(Status::LimitsOutOfRange)?;
-        Ok(Inner::new(*design.coefficients(), lowest, highest))
+        Ok(Inner::new(design.with_slew(slew_per_s)?.filter(), lowest, highest))
     });
     // SAFETY: as of this function.
     made.and_then(|inner| unsafe { Compensator::write(compensator, inner) }).into()

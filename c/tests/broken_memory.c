@@ -114,13 +114,17 @@ static void change(const char *kind, const rotorlead_compensator *designed)
 
 int main(void)
 {
-    const rotorlead_lead lead = { 14.0, 94.0, 0.7 };
+    rotorlead_lead lead = { 14.0, 94.0, 0.7, 20.0 };
     const rotorlead_inverse inverse = { 94.0, 0.7, 160.0, 0.1, 0.9 };
     const rotorlead_point points[] = { { 0.4, 0.16 }, { 0.6, 0.08 } };
     static rotorlead_compensator motor;
     expect(rotorlead_design_lead(&motor, &lead, 8000.0, 0.05, 1.0) == ROTORLEAD_STATUS_OK, "no lead");
     (void)rotorlead_reset(&motor, HALF);
     change("lead", &motor);
+    lead.slew_per_s = 0.0;
+    expect(rotorlead_design_lead(&motor, &lead, 8000.0, 0.05, 1.0) == ROTORLEAD_STATUS_OK, "no lead");
+    (void)rotorlead_reset(&motor, HALF);
+    change("unlimited lead", &motor);
     expect(rotorlead_design_inverse(&motor, &inverse, points, 2, 8000.0, 0.05, 1.0) == ROTORLEAD_STATUS_OK, "no inverse");
     (void)rotorlead_reset(&motor, HALF);
     change("inverse", &motor);

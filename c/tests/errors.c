@@ -23,13 +23,19 @@ static rotorlead_compensator compensator;
 /* Each with the others right. */
 static rotorlead_status lead_of(double omega_z, double omega_f, double damping, double rate)
 {
-    const rotorlead_lead lead = { omega_z, omega_f, damping };
+    const rotorlead_lead lead = { omega_z, omega_f, damping, 20.0 };
     return rotorlead_design_lead(&compensator, &lead, rate, 0.0, 1.0);
+}
+
+static rotorlead_status lead_of_slew(double slew)
+{
+    const rotorlead_lead lead = { 14.0, 94.0, 0.7, slew };
+    return rotorlead_design_lead(&compensator, &lead, 8000.0, 0.0, 1.0);
 }
 
 static rotorlead_status lead_within(double min, double max)
 {
-    const rotorlead_lead lead = { 14.0, 94.0, 0.7 };
+    const rotorlead_lead lead = { 14.0, 94.0, 0.7, 20.0 };
     return rotorlead_design_lead(&compensator, &lead, 8000.0, min, max);
 }
 
@@ -68,7 +74,7 @@ static void *misaligned(void *pointer)
 
 static void bad_pointers(void)
 {
-    static const rotorlead_lead lead = { 14.0, 94.0, 0.7 };
+    static const rotorlead_lead lead = { 14.0, 94.0, 0.7, 20.0 };
     static const rotorlead_inverse inverse = { 94.0, 0.7, 0.0, 0.0, 1.0 };
     static const rotorlead_point point = { 0.5, 0.1 };
     static const rotorlead_command half = { 1 << 28 };
@@ -193,6 +199,10 @@ int main(void)
     EXPECT(TOO_CLOSE_TO_NYQUIST, lead_of(14.0, 94.0, 0.7, 200.0));
     EXPECT(COEFFICIENT_OUT_OF_RANGE, lead_of(14.0, 1900.0, 0.7, 5000.0));
     EXPECT(L1_GAIN_TOO_HIGH, lead_of(5.0, 94.0, 0.7, 8000.0));
+    EXPECT(OK, lead_of_slew(0.0));
+    EXPECT(SLEW_OUT_OF_RANGE, lead_of_slew(-1.0));
+    EXPECT(SLEW_OUT_OF_RANGE, lead_of_slew(INFINITY));
+    EXPECT(SLEW_TOO_SLOW, lead_of_slew(0.01));
     EXPECT(LIMITS_OUT_OF_RANGE, lead_within(0.6, 0.5));
     EXPECT(LIMITS_OUT_OF_RANGE, lead_within(0.0, NAN));
 

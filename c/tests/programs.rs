@@ -9,7 +9,7 @@ use std::process::{Command as Process, Output};
 use std::sync::LazyLock;
 
 use rotorlead::compensator::{CommandRange, Compensator};
-use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
+use rotorlead::design::{CurvePoint, DEFAULT_SLEW_PER_S, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
 use rotorlead::throttle::Command;
 
 /// Rates of the loops of flight controllers, hertz.
@@ -76,12 +76,12 @@ fn scattered(number: u32) -> u32 {
 }
 
 /// `examples/lead.c` in Rust.
-fn lead(loop_rate_hz: u32) -> Vec<u32> {
+fn lead(loop_rate_hz: u32, slew_per_s: f64) -> Vec<u32> {
     let idle = 0.05_f32;
     let lead = LeadParameters::from_poles(&[6.2758, 9.2889, 14.1275], 628.32).unwrap();
-    let design = LeadDesign::new(lead, f64::from(loop_rate_hz), None).unwrap();
+    let design = LeadDesign::new(lead, f64::from(loop_rate_hz), None).unwrap().with_slew(slew_per_s).unwrap();
     let level = Command::saturating_from_f64(f64::from(idle));
-    let mut motors = [Compensator::new(*design.coefficients(), level, Command::ONE); 4];
+    let mut motors = [Compensator::new(design.filter(), level, Command::ONE); 4];
     let mut outputs = Vec::new();
     for tick in 0..5000_u32 {
         for (number, motor) in motors.iter_mut().enumerate() {
@@ -127,9 +127,12 @@ fn a_lead_in_c_is_that_of_the_library_at_every_rate() {
     for standard in ["c99", "c11"] {
         let program = Program::build("examples/lead.c", standard);
         for rate in LOOP_RATES_HZ {
-            let printed = program.run(&[rate.to_string()]);
-            let printed: Vec<u32> = printed.lines().map(|line| u32::from_str_radix(line, 16).unwrap()).collect();
-            assert_eq!(printed, lead(rate), "{standard}, {rate} Hz");
+            for (given, slew_per_s) in [(None, DEFAULT_SLEW_PER_S), (Some("0"), 0.0), (Some("160"), 160.0)] {
+                let arguments = [Some(rate.to_string()), given.map(str::to_owned)];
+                let printed = program.run(&arguments.into_iter().flatten().collect::<Vec<_>>());
+                let printed: Vec<u32> = printed.lines().map(|line| u32::from_str_radix(line, 16).unwrap()).collect();
+                assert_eq!(printed, lead(rate, slew_per_s), "{standard}, {rate} Hz, {slew_per_s} per second");
+            }
         }
     }
 }
@@ -177,7 +180,7 @@ fn every_status_is_provoked_from_c() {
 #[test]
 fn whatever_its_memory_holds_a_step_does_no_harm() {
     let printed = Program::build("tests/broken_memory.c", "c99").run(&[]);
-    assert_eq!(printed.lines().count(), 2, "{printed}");
+    assert_eq!(printed.lines().count(), 3, "{printed}");
     for line in printed.lines() {
         let refused: u32 = line.rsplit(' ').next().unwrap().parse().unwrap();
         assert!(refused >= 5 * (32 + 6 + 7) + 30 + 3 * 7, "{line}");

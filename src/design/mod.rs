@@ -18,7 +18,7 @@ pub use inverse::{
     CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel, RotorCurve, TIME_CONSTANT_RANGE_S,
 };
 pub use lead::LeadParameters;
-pub use slew::{SLEW_RANGE_PER_S, slew_limit};
+pub use slew::{DEFAULT_SLEW_PER_S, SLEW_RANGE_PER_S, slew_limit};
 pub use tustin::LeadDesign;
 
 use core::f64::consts::FRAC_1_SQRT_2;

@@ -8,6 +8,9 @@ use crate::inverse::{OUTPUT_BITS, SlewLimit};
 
 /// Range of slew limits in units of the command per second; 0 is no limit.
 pub const SLEW_RANGE_PER_S: (f64, f64) = (0.0, 1e6);
+/// Slew limit of a controller unless something else is asked for, 2 % per millisecond. The slowest of the ESCs whose slew is
+/// known: declared too slow, it costs speed, too fast, it may break an ESC's lock.
+pub const DEFAULT_SLEW_PER_S: f64 = 20.0;
 
 /// A slew limit in units of the command per second, 0 for none, at `loop_rate_hz` ticks per second. It is rounded down to whole steps
 /// of 2^-16 per tick.

@@ -19,7 +19,7 @@ use libm::sqrt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::design::{DEFAULT_DAMPING, RotorCurve};
+use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve};
 use crate::dshot::{Line, Speed};
 use crate::protocol::Protocol;
 use crate::throttle::Command;
@@ -49,10 +49,6 @@ const DEFAULT_INPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame
 /// What nearly every ESC understands. Its frames may come closer than the input's, so that they can follow those: as close as
 /// pulses of 2 ms may.
 const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 495 };
-
-/// The slowest of the ESCs whose slew is known, 2 % per millisecond: declared too slow, it costs speed, too fast, it may break an
-/// ESC's lock.
-const DEFAULT_SLEW_PER_S: f64 = 20.0;
 
 /// Everything that a controller stores. Levels are commands in Q2.29 ([`Command::to_bits`]).
 ///

@@ -5,7 +5,9 @@
 
 use emulator::{Debugger, Registers};
 use rotorlead::compensator::{CommandRange, Compensator};
-use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
+use rotorlead::design::{
+    CurvePoint, DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, InverseDesign, LeadDesign, LeadParameters, ReferenceModel,
+};
 use rotorlead::throttle::Command;
 
 use super::archive::{Core, functions};
@@ -31,7 +33,6 @@ const POINTS: [CurvePoint; 3] = [
     CurvePoint { command: 0.50, tau_s: 0.1077 },
     CurvePoint { command: 0.65, tau_s: 0.0708 },
 ];
-const SLEW_PER_S: f64 = 160.0;
 const COMPENSATED: [f64; 2] = [0.35, 0.70];
 const LIMITS: [f64; 2] = [0.05, 1.0];
 
@@ -56,17 +57,39 @@ const TIMER_COUNT: u32 = 0x4000_0024;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Lead,
+    UnlimitedLead,
     Inverse,
 }
 
-/// Runs both kinds at each rate, and gives the rows of the page's tables. An error where an output is not the library's.
+impl Kind {
+    const ALL: [Self; 3] = [Self::Lead, Self::UnlimitedLead, Self::Inverse];
+
+    /// As the page has it.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Lead => "lead",
+            Self::UnlimitedLead => "lead without a slew limit",
+            Self::Inverse => "inverse",
+        }
+    }
+
+    const fn slew_per_s(self) -> f64 {
+        match self {
+            Self::Lead => DEFAULT_SLEW_PER_S,
+            Self::UnlimitedLead => 0.0,
+            Self::Inverse => 160.0,
+        }
+    }
+}
+
+/// Runs every kind at each rate, and gives the rows of the page's tables. An error where an output is not the library's.
 pub fn measure(core: &Core) -> Result<Vec<String>> {
     let linked = core.link(&core.build(&[])?, &functions()?)?;
     let mut machine = Machine::start(&linked.path)?;
     let mut bench = Bench { debugger: &mut machine.debugger, image: &linked.image };
     bench.set_up()?;
     let mut rows = Vec::new();
-    for kind in [Kind::Lead, Kind::Inverse] {
+    for kind in Kind::ALL {
         let mut designs = Vec::new();
         for rate_hz in LOOP_RATES_HZ {
             // In thousands, rounded up.
@@ -75,7 +98,7 @@ pub fn measure(core: &Core) -> Result<Vec<String>> {
                 bench.run(kind, step, rate_hz, &mut |bench| bench.returned().map(drop))?;
             }
         }
-        rows.push(row(&format!("design of the {kind:?}"), core, &designs));
+        rows.push(row(&format!("design of the {}", kind.name()), core, &designs));
         // The instructions of a tick do not depend on the rate, which is that of the last design.
         for step in Step::ALL {
             let mut costs: Vec<Cost> = Vec::new();
@@ -88,17 +111,18 @@ pub fn measure(core: &Core) -> Result<Vec<String>> {
             usual.sort_unstable();
             let of_a_second_us = LOOP_RATES_HZ.map(|rate_hz| most.cycles * rate_hz as u32 / core.clock_mhz);
             let counts = [usual[usual.len() / 2], most.instructions, most.cycles];
-            rows.push(row(&format!("`{}`, {kind:?}", step.function()), core, &[&counts[..], &of_a_second_us].concat()));
+            let what = format!("`{}`, {}", step.function(), kind.name());
+            rows.push(row(&what, core, &[&counts[..], &of_a_second_us].concat()));
         }
     }
-    let outputs = 2 * Step::ALL.len() * (LOOP_RATES_HZ.len() + 1) * TICKS as usize;
+    let outputs = Kind::ALL.len() * Step::ALL.len() * (LOOP_RATES_HZ.len() + 1) * TICKS as usize;
     println!("{:<10} {outputs} outputs are the library's, bit for bit", core.name);
     Ok(rows)
 }
 
 fn row(what: &str, core: &Core, numbers: &[u32]) -> String {
     let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
-    format!("| {} | {} | {} |", what.to_lowercase(), core.name, numbers.join(" | "))
+    format!("| {what} | {} | {} |", core.name, numbers.join(" | "))
 }
 
 /// The library's own.
@@ -106,13 +130,13 @@ fn reference(kind: Kind, rate_hz: f64) -> Result<Compensator> {
     let [min, max] = LIMITS.map(Command::saturating_from_f64);
     let [lowest, highest] = COMPENSATED.map(Command::saturating_from_f64);
     Ok(match kind {
-        Kind::Lead => {
-            let design = LeadDesign::new(LEAD, rate_hz, None).map_err(|error| error.to_string())?;
-            Compensator::new(*design.coefficients(), min, max)
+        Kind::Lead | Kind::UnlimitedLead => {
+            let design = LeadDesign::new(LEAD, rate_hz, None).and_then(|design| design.with_slew(kind.slew_per_s()));
+            Compensator::new(design.map_err(|error| error.to_string())?.filter(), min, max)
         }
         Kind::Inverse => {
             let design = InverseDesign::new(REFERENCE, rate_hz, &POINTS).map_err(|error| error.to_string())?;
-            let filter = design.filter(SLEW_PER_S, CommandRange { lowest, highest });
+            let filter = design.filter(kind.slew_per_s(), CommandRange { lowest, highest });
             Compensator::new(filter.map_err(|error| error.to_string())?, min, max)
         }
     })
@@ -193,9 +217,12 @@ impl Bench<'_> {
             [low, high]
         });
         let parameters = match kind {
-            Kind::Lead => words([LEAD.omega_z_rad_s, LEAD.omega_f_rad_s, LEAD.damping]),
+            Kind::Lead | Kind::UnlimitedLead => {
+                words([LEAD.omega_z_rad_s, LEAD.omega_f_rad_s, LEAD.damping, kind.slew_per_s()])
+            }
             Kind::Inverse => {
-                words([REFERENCE.omega_f_rad_s, REFERENCE.damping, SLEW_PER_S, COMPENSATED[0], COMPENSATED[1]])
+                let ReferenceModel { omega_f_rad_s, damping } = REFERENCE;
+                words([omega_f_rad_s, damping, kind.slew_per_s(), COMPENSATED[0], COMPENSATED[1]])
             }
         };
         self.debugger.set_words(PARAMETERS, &parameters)?;
@@ -203,7 +230,9 @@ impl Bench<'_> {
         self.debugger.set_words(POINTS_AT, &points)?;
         let start = self.debugger.read(TIMER_COUNT)?;
         match kind {
-            Kind::Lead => self.call("rotorlead_design_lead", &[COMPENSATOR, PARAMETERS], &numbers)?,
+            Kind::Lead | Kind::UnlimitedLead => {
+                self.call("rotorlead_design_lead", &[COMPENSATOR, PARAMETERS], &numbers)?
+            }
             Kind::Inverse => {
                 let arguments = [COMPENSATOR, PARAMETERS, POINTS_AT, POINTS.len() as u32];
                 self.call("rotorlead_design_inverse", &arguments, &numbers)?;
