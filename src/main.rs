@@ -39,7 +39,6 @@ mod app {
     use rotorlead::controller::{self, Control, ControlHandle, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started};
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
-    use rotorlead::systick::sleep_until_interrupt;
     use rotorlead::throttle::{Command, EscCommand};
     use stm32f4xx_hal::pac::Interrupt;
 
@@ -109,7 +108,8 @@ mod app {
                 rtic::pend(Interrupt::USART3);
             }
             if !server.poll(|| received.dequeue(), &mut board) {
-                sleep_until_interrupt(|| received.ready());
+                // Not WFI: an interrupt since the look above is an event, and there is no sleep.
+                cortex_m::asm::wfe();
             }
         }
     }

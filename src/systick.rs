@@ -1,4 +1,4 @@
-//! SysTick: the interrupt that runs the control task, and the sleep between two of them.
+//! SysTick: the interrupt that runs the control task.
 //!
 //! It counts the core's clock, so that a tick is a whole number of instructions' time, and it leaves all timers with
 //! pins to the pulses.
@@ -45,14 +45,4 @@ impl TickTimer for ControlTimer {
     fn is_due(&self) -> bool {
         SCB::is_pendst_pending()
     }
-}
-
-/// Sleeps until an interrupt is due, unless `is_work_left`. That is asked with interrupts held back: one that comes behind the question
-/// ends the sleep, and runs then.
-pub fn sleep_until_interrupt(is_work_left: impl FnOnce() -> bool) {
-    cortex_m::interrupt::free(|_| {
-        if !is_work_left() {
-            cortex_m::asm::wfi();
-        }
-    });
 }

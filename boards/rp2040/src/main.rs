@@ -61,7 +61,6 @@ mod app {
     };
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
-    use rotorlead::systick::sleep_until_interrupt;
     use rotorlead::throttle::{Command, EscCommand};
     use rp2040_hal::pac::{Interrupt, TIMER};
 
@@ -142,7 +141,8 @@ mod app {
                 show(&mut board, milliseconds);
             }
             if !is_busy {
-                sleep_until_interrupt(|| received.ready());
+                // Not WFI: an interrupt since the look above is an event, and there is no sleep.
+                cortex_m::asm::wfe();
             }
         }
     }
