@@ -2,7 +2,7 @@
 
 use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, TestBoard, facts};
 use host_tests::flash::Flash;
-use host_tests::line::{Line, TICKS_PER_POLL, us};
+use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
 use rotorlead::capture::{Level, Reading, Signal};
 use rotorlead::controller::hardware::Edge;
