@@ -252,7 +252,8 @@ impl Decoder {
             (Line::Unknown, Level::High) => self.line = Line::HighUnsure,
             // From here on an edge is missing.
             (Line::Low | Line::Falling | Line::FallingUnsure, Level::Low) => {
-                self.fall_at(timestamp, Line::FallingUnsure);
+                // No level was seen: alone it drives no line.
+                (self.line, self.fall) = (Line::FallingUnsure, timestamp);
                 self.miss_edge();
             }
             (Line::High | Line::HighUnsure, Level::High) => {
@@ -342,8 +343,7 @@ impl Decoder {
     /// poll: the age of a stamp is right for 2^31 ticks only.
     fn is_active(&mut self, now: u32) -> bool {
         match self.mode {
-            Mode::Open => {}
-            Mode::Filtered => return true,
+            Mode::Open | Mode::Filtered => {}
             // The line is unknown meanwhile, and its last fall means nothing else.
             Mode::Flooded | Mode::Masked => (self.fall, self.has_fall) = (now, true),
         }

@@ -46,8 +46,12 @@ impl OutputPath {
     }
 }
 
-/// Sets the inputs up; `None` where the capture timer has them.
-fn start_inputs(plan: &Plan, hardware: &mut impl InputFrameHardware) -> Option<FrameInputs> {
+/// Sets the inputs up; `None` where the capture timer has them. `before`: what had them.
+fn start_inputs(
+    plan: &Plan,
+    before: Option<&FrameInputs>,
+    hardware: &mut impl InputFrameHardware,
+) -> Option<FrameInputs> {
     match plan.input {
         InputPlan::Pulses(_) => {
             hardware.set_line(None);
@@ -56,7 +60,8 @@ fn start_inputs(plan: &Plan, hardware: &mut impl InputFrameHardware) -> Option<F
         InputPlan::Dshot { line, timeout_ticks } => {
             hardware.set_line(Some(line));
             let output = plan.output.line().map(Line::checksum);
-            Some(FrameInputs::new(timeout_ticks, line.checksum(), output))
+            let directions = before.map_or_else(Default::default, FrameInputs::directions);
+            Some(FrameInputs::new(timeout_ticks, line.checksum(), output, directions))
         }
     }
 }
@@ -88,7 +93,7 @@ pub struct Control<H: ControlHardware> {
 impl<H: ControlHardware> Control<H> {
     /// Sets the rates; the outputs are low until the first tick.
     pub fn new(mut parts: ControlParts<H>, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
-        let inputs = start_inputs(plan, &mut parts.input_frames);
+        let inputs = start_inputs(plan, None, &mut parts.input_frames);
         let outputs = OutputPath::start(&plan.output, &mut parts.outputs);
         parts.timer.set_rate(loop_rate_hz);
         parts.watchdog.set_patient(false);
@@ -163,7 +168,7 @@ impl<H: ControlHardware> Control<H> {
 
     /// Other settings. Every motor is at rest; the outputs are low until the next tick.
     pub fn reconfigure(&mut self, settings: &Validated, channels: &[Channel; MOTORS], plan: &Plan) {
-        self.inputs = start_inputs(plan, &mut self.parts.input_frames);
+        self.inputs = start_inputs(plan, self.inputs.as_ref(), &mut self.parts.input_frames);
         self.outputs = OutputPath::start(&plan.output, &mut self.parts.outputs);
         self.output_plan = plan.output;
         self.replies = replies(plan, settings.loop_rate_hz);

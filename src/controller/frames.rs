@@ -2,7 +2,7 @@
 
 use super::hardware::{InputFrameHardware, OutputHardware};
 use crate::capture::Reading;
-use crate::dshot::{Checksum, Frame, Receiver, Relay, Value};
+use crate::dshot::{Checksum, Directions, Frame, Receiver, Relay, Value};
 use crate::link::MotorFaults;
 use crate::settings::MOTORS;
 use crate::throttle::EscCommand;
@@ -16,8 +16,19 @@ pub struct FrameInputs([Receiver; MOTORS]);
 
 impl FrameInputs {
     /// Of lines whose last frame is good for so many ticks, with frames of these checksums in and, where there are any, out.
-    pub fn new(timeout_ticks: u32, input: Checksum, output: Option<Checksum>) -> Self {
-        Self(core::array::from_fn(|_| Receiver::new(Relay::new(input, output), timeout_ticks)))
+    /// `directions`: what was asked of the ESCs before.
+    pub fn new(
+        timeout_ticks: u32,
+        input: Checksum,
+        output: Option<Checksum>,
+        directions: [Directions; MOTORS],
+    ) -> Self {
+        Self(directions.map(|directions| Receiver::new(Relay::new(input, output, directions), timeout_ticks)))
+    }
+
+    /// What was asked of the ESCs.
+    pub fn directions(&self) -> [Directions; MOTORS] {
+        self.0.each_ref().map(Receiver::directions)
     }
 
     /// Which lines are live.

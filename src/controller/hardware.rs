@@ -70,7 +70,7 @@ pub trait InputFrameHardware {
     ///
     /// A bidirectional line is pulled up, and driven by the board only for a reply.
     fn set_line(&mut self, line: Option<Line>);
-    /// The oldest word of an input that was not taken yet. A board holds 8 of each input.
+    /// The oldest word of an input that was not taken yet. A board holds 4 of each input, or more.
     fn take_word(&mut self, motor: usize) -> Option<Word>;
     /// Whether words of an input were lost since the last call, since it held too many.
     fn has_lost_words(&mut self, motor: usize) -> bool;

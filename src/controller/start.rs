@@ -29,7 +29,7 @@ pub struct Queues {
     pub samples: Ends<Sample, RECORD_QUEUE>,
 }
 
-/// A controller whose ticks run.
+/// A controller whose ticks wait for [`Control::start_ticks`].
 pub struct Started<C, H: ControlHardware, F> {
     /// For the capture interrupt and the control task.
     pub inputs: Inputs<C>,

@@ -26,6 +26,8 @@ pub struct Supervisor {
     idle_away_ticks: u32,
     idle_limit_ticks: u32,
     idle_hangs: u32,
+    /// That which goes on is counted.
+    is_hang_counted: bool,
 }
 
 impl Supervisor {
@@ -43,6 +45,7 @@ impl Supervisor {
             idle_away_ticks: 0,
             idle_limit_ticks: 0,
             idle_hangs: 0,
+            is_hang_counted: false,
         };
         supervisor.set_rate(loop_rate_hz);
         supervisor
@@ -76,12 +79,13 @@ impl Supervisor {
     pub const fn review(&mut self, tick: u32, is_flown: bool, is_rested: bool) {
         let ticks = tick.wrapping_sub(self.last_review);
         self.last_review = tick;
-        let was_hung = self.is_idle_hung();
         self.idle_away_ticks = if self.idle_ran { 0 } else { self.idle_away_ticks.saturating_add(ticks) };
         self.idle_ran = false;
-        if is_flown && self.is_idle_hung() && !was_hung {
+        let is_flown_hung = is_flown && self.is_idle_hung();
+        if is_flown_hung && !self.is_hang_counted {
             self.idle_hangs = self.idle_hangs.wrapping_add(1);
         }
+        self.is_hang_counted = self.is_idle_hung() && (self.is_hang_counted || is_flown_hung);
         self.is_fed = !self.is_idle_hung() || !is_rested;
     }
 
@@ -207,6 +211,9 @@ mod tests {
             assert_eq!(task.supervisor.idle_hangs(), hangs);
             (0..10).for_each(|_| assert!(task.is_fed(true, Motors::Flown)));
             assert_eq!(task.unfed(Motors::Flown, 19_900), None);
+            assert_eq!(task.supervisor.idle_hangs(), hangs);
+            // Its 20 s may be over while the throttle is cut.
+            assert_eq!(task.unfed(Motors::Cut, 200), None);
             assert_eq!(task.supervisor.idle_hangs(), hangs);
             (0..10).for_each(|_| assert!(task.is_fed(true, Motors::Flown)));
         }

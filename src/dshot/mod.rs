@@ -19,6 +19,7 @@ mod reply_relay;
 mod reply_window;
 
 pub use frame::{BELOW_THROTTLE, BadChecksum, Checksum, Content, Frame, HIGHEST, Value};
+pub use instructions::Directions;
 pub use receiver::{Receiver, Word};
 pub use relay::{Counts, QUEUED, Relay};
 pub use reply::{BadReply, LONGEST_TURN_US, REPLY_BITS, Reply};

@@ -1,6 +1,6 @@
 //! One motor's DShot input: from words to what the control tick reads, and to the frames that are to go on.
 
-use super::{Content, Frame, Relay, Value};
+use super::{Content, Directions, Frame, Relay, Value};
 use crate::capture::{PULSES_TO_LIVE, Reading};
 use crate::throttle::EscCommand;
 
@@ -148,6 +148,12 @@ impl Receiver {
         }
     }
 
+    /// What was asked of the ESC.
+    #[must_use]
+    pub const fn directions(&self) -> Directions {
+        self.relay.directions()
+    }
+
     /// The next frame that is to go out ([`Relay::next`]).
     pub fn next(&mut self, newest: EscCommand) -> Option<Frame> {
         self.relay.next(newest)
@@ -217,7 +223,7 @@ mod tests {
     const TIMEOUT: u32 = 10;
 
     fn receiver() -> Receiver {
-        Receiver::new(Relay::new(Checksum::Normal, Some(Checksum::Normal)), TIMEOUT)
+        Receiver::new(Relay::new(Checksum::Normal, Some(Checksum::Normal), Directions::default()), TIMEOUT)
     }
 
     fn word(value: u16) -> Word {

@@ -5,7 +5,7 @@
 //! Instructions that may pass do as they came, each of their repeats, since an ESC counts these; a stop goes out for the others. Where the motor's channel gives no pulse there
 //! is no frame either.
 
-use super::instructions::Instructions;
+use super::instructions::{Directions, Instructions};
 use super::{Checksum, Content, Frame, Value};
 use crate::throttle::EscCommand;
 
@@ -48,14 +48,14 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// Between lines with these checksums; without one of the output nothing goes out.
+    /// Between lines with these checksums; without one of the output nothing goes out. `directions`: what was asked of the ESC before.
     #[must_use]
-    pub const fn new(input: Checksum, output: Option<Checksum>) -> Self {
+    pub const fn new(input: Checksum, output: Option<Checksum>, directions: Directions) -> Self {
         let due = [Due::Throttle { reports: false }; QUEUED];
         Self {
             input,
             output,
-            instructions: Instructions::new(output.is_some()),
+            instructions: Instructions::new(output.is_some(), directions),
             due,
             first: 0,
             waiting: 0,
@@ -74,7 +74,7 @@ impl Relay {
         let content = frame.value().content();
         let passes = match content {
             Content::Instruction(number) => self.instructions.take(number, compensates),
-            Content::Throttle(_) => self.instructions.take_throttle(),
+            Content::Throttle(_) => self.instructions.take_throttle(compensates),
         };
         // Without frames at the outputs an instruction is not missed, but a throttle is.
         let is_missed = self.output.is_some() || matches!(content, Content::Throttle(_));
@@ -111,6 +111,12 @@ impl Relay {
     /// Forgets what waits: the line was lost, or the output is to be silent.
     pub const fn clear(&mut self) {
         self.waiting = 0;
+    }
+
+    /// What was asked of the ESC.
+    #[must_use]
+    pub const fn directions(&self) -> Directions {
+        self.instructions.directions()
     }
 
     /// What came in, and what became of it.
@@ -160,7 +166,7 @@ mod tests {
     }
 
     fn relay() -> Relay {
-        Relay::new(Checksum::Normal, Some(Checksum::Normal))
+        Relay::new(Checksum::Normal, Some(Checksum::Normal), Directions::default())
     }
 
     #[test]
@@ -271,7 +277,7 @@ mod tests {
 
     #[test]
     fn without_frames_at_the_outputs_nothing_waits_and_a_turned_motor_stops() {
-        let mut relay = Relay::new(Checksum::Normal, None);
+        let mut relay = Relay::new(Checksum::Normal, None, Directions::default());
         for _ in 0..2 * QUEUED {
             relay.receive(bits(21, false), false);
         }
@@ -286,7 +292,7 @@ mod tests {
 
     #[test]
     fn the_two_lines_may_have_checksums_of_their_own() {
-        let mut relay = Relay::new(Checksum::Normal, Some(Checksum::Inverted));
+        let mut relay = Relay::new(Checksum::Normal, Some(Checksum::Inverted), Directions::default());
         relay.receive(bits(21, true), false);
         let frame = relay.next(STOP).unwrap();
         assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));

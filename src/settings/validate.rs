@@ -181,9 +181,9 @@ impl fmt::Display for Warning {
             ),
             Self::LevelsAboveFrames => write!(
                 f,
-                "levels are set for a DShot input: a throttle below disarming stops the motor, in flight too, and it turns again \
+                "levels are set for a DShot input, or stop is above 0: a throttle below disarming stops the motor, in flight too, and it turns again \
                  only at arming; Betaflight's dshot_idle_value must be above both, dynamic idle and ArduPilot's MOT_SPIN_MIN go \
-                 down to 48; set disarming, arming and idle to none unless the ESC needs them"
+                 down to 48; set disarming, arming and idle to none, and stop to 0, unless the ESC needs them"
             ),
             Self::PulsesOutrunTicks => write!(
                 f,

@@ -25,7 +25,7 @@ const SLICES: [usize; 2] = [3, 4];
 /// Cycles of a machine in a bit of DShot, and in one that is answered: 32 in a bit of the reply.
 const BIT_CYCLES: u32 = 8;
 const ANSWERED_BIT_CYCLES: u32 = 40;
-/// What may pass between reading a counter and setting it, in counts: 10 µs, some misses of the flash's cache. A frame that ends by itself
+/// What may pass between reading a counter and setting it, in counts: 10 µs, which interrupts may take. A frame that ends by itself
 /// within that is left to, and pulses are over only when that has passed since.
 const MARGIN: u32 = 250;
 /// Frames that may wait in a machine's queue beside the one that goes out. With those that are answered it is one: the levels behind two
