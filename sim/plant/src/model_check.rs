@@ -60,14 +60,14 @@ impl Model {
 
 impl Point {
     fn check(&self, place: &Place) -> Result<(), Fault> {
-        place.key("nominal").fraction(self.nominal)?;
-        place.key("gain").finite(self.gain)?;
-        place.key("time_constant_s").positive(self.time_constant_s)?;
-        place.key("delay_s").not_negative(self.delay_s)?;
+        place.key("nominal").accept(self.nominal)?;
+        place.key("gain").accept(self.gain)?;
+        place.key("time_constant_s").accept(self.time_constant_s)?;
+        place.key("delay_s").accept(self.delay_s)?;
         for (key, value) in
             [("time_constant_up_s", self.time_constant_up_s), ("time_constant_down_s", self.time_constant_down_s)]
         {
-            value.map_or(Ok(()), |value| place.key(key).positive(value))?;
+            value.map_or(Ok(()), |value| place.key(key).accept(value))?;
         }
         for (key, value) in [
             ("gain_std", self.gain_std),
@@ -81,7 +81,7 @@ impl Point {
             ("fit_square_percent", self.fit_square_percent),
             ("fit_step_percent", self.fit_step_percent),
         ] {
-            value.map_or(Ok(()), |value| place.key(key).finite(value))?;
+            value.map_or(Ok(()), |value| place.key(key).accept(value))?;
         }
         Ok(())
     }
@@ -99,10 +99,10 @@ impl TimeConstantBand {
                 let problem = format!("there are {found} values for {needed} of `nominal`");
                 return Err(place.fault(problem, "give one for each, or remove [time_constant_curve]"));
             }
-            values.iter().enumerate().try_for_each(|(index, value)| place.item(index).positive(*value))?;
+            values.iter().enumerate().try_for_each(|(index, value)| place.item(index).accept(*value))?;
         }
-        self.down_over_up.map_or(Ok(()), |ratio| place.key("down_over_up").positive(ratio))?;
-        self.nominal.iter().enumerate().try_for_each(|(index, value)| nominal.item(index).fraction(*value))?;
+        self.down_over_up.map_or(Ok(()), |ratio| place.key("down_over_up").accept(ratio))?;
+        self.nominal.iter().enumerate().try_for_each(|(index, value)| nominal.item(index).accept(*value))?;
         increasing(self.nominal.iter().copied(), |index| nominal.item(index))
     }
 }
@@ -121,10 +121,10 @@ impl StaticMap {
             ));
         }
         for (index, value) in self.command.iter().enumerate() {
-            command.item(index).fraction(*value)?;
+            command.item(index).accept(*value)?;
         }
         for (index, value) in self.response.iter().enumerate() {
-            response.item(index).finite(*value)?;
+            response.item(index).accept(*value)?;
         }
         increasing(self.command.iter().copied(), |index| command.item(index))?;
         self.polynomial.as_ref().map_or(Ok(()), |polynomial| polynomial.check(&place.key("polynomial")))
@@ -141,16 +141,16 @@ impl MapPolynomial {
             ));
         }
         for (index, value) in self.coefficients.iter().enumerate() {
-            coefficients.item(index).finite(*value)?;
+            coefficients.item(index).accept(*value)?;
         }
         for (index, value) in self.coefficients_std.iter().enumerate() {
             stds.item(index).not_negative(*value)?;
         }
         for (index, value) in self.range.iter().enumerate() {
-            place.key("range").item(index).fraction(*value)?;
+            place.key("range").item(index).accept(*value)?;
         }
         for (key, value) in [("dead_zone", self.dead_zone), ("hysteresis", self.hysteresis), ("limit", self.limit)] {
-            value.map_or(Ok(()), |value| place.key(key).finite(value))?;
+            value.map_or(Ok(()), |value| place.key(key).accept(value))?;
         }
         for (key, value) in [
             ("dead_zone_std", self.dead_zone_std),
@@ -166,7 +166,7 @@ impl MapPolynomial {
 impl Effect {
     fn check(&self, place: &Place) -> Result<(), Fault> {
         for (name, value) in &self.parameters {
-            place.key("parameters").key(name).finite(*value)?;
+            place.key("parameters").key(name).accept_any(*value)?;
         }
         for (name, value) in &self.std {
             let place = place.key("std").key(name);
@@ -185,7 +185,7 @@ impl Effect {
 impl Provenance {
     fn check(&self, place: &Place) -> Result<(), Fault> {
         for (key, rate) in [("command_rate_hz", self.command_rate_hz), ("esc_frame_hz", self.esc_frame_hz)] {
-            rate.map_or(Ok(()), |rate| place.key(key).positive(rate))?;
+            rate.map_or(Ok(()), |rate| place.key(key).accept(rate))?;
         }
         Ok(())
     }

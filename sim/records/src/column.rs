@@ -2,6 +2,7 @@
 
 use super::manifest::CommandKind;
 use super::{Output, Record};
+use crate::files::{Quantity, shown};
 
 /// A column of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,21 +71,50 @@ impl Column {
             ));
         }
         match (self, previous) {
-            (Self::TimeS, Some(previous)) if value == previous => Err(Refusal::new(
-                format!("time stands still at {value}"),
-                "remove the repeated row, or write the times with more digits",
-            )),
-            (Self::TimeS, Some(previous)) if value < previous => Err(Refusal::new(
-                format!("time runs backwards, from {previous} to {value}"),
-                "sort the rows by time, and give each run a record of its own",
-            )),
-            (Self::Command, _) if kind == CommandKind::ForceN => Ok(value),
-            (Self::Command | Self::EscCommand, _) if !(0.0..=1.0).contains(&value) => Err(Refusal::new(
+            (Self::TimeS, Some(previous)) if value == previous => {
+                return Err(Refusal::new(
+                    format!("time stands still at {value}"),
+                    "remove the repeated row, or write the times with more digits",
+                ));
+            }
+            (Self::TimeS, Some(previous)) if value < previous => {
+                return Err(Refusal::new(
+                    format!("time runs backwards, from {previous} to {value}"),
+                    "sort the rows by time, and give each run a record of its own",
+                ));
+            }
+            _ => {}
+        }
+        let quantity = match (self, kind) {
+            (Self::Command, CommandKind::ForceN) => &Quantity::THRUST_N,
+            _ => self.quantity(),
+        };
+        let Quantity { least, greatest, .. } = *quantity;
+        if (least..=greatest).contains(&value) {
+            return Ok(value);
+        }
+        Err(if greatest == 1.0 {
+            Refusal::new(
                 format!("{value} is outside 0 to 1"),
                 "a command is a duty from 0 to 1: divide a percentage by 100, \
                      scale a pulse width by its range",
-            )),
-            _ => Ok(value),
+            )
+        } else {
+            Refusal::new(
+                format!("{} is not from {} to {}", shown(value), shown(least), shown(greatest)),
+                "remove the row where it was not measured, or give the column in the unit of its name",
+            )
+        })
+    }
+
+    fn quantity(self) -> &'static Quantity {
+        match self {
+            Self::TimeS => &Quantity::TIME_S,
+            Self::Command | Self::EscCommand => &Quantity::DUTY,
+            Self::ThrustN => &Quantity::THRUST_N,
+            Self::Rpm => &Quantity::RPM,
+            Self::VoltageV => &Quantity::VOLTAGE_V,
+            Self::CurrentA => &Quantity::CURRENT_A,
         }
     }
 }

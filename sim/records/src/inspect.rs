@@ -8,7 +8,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::manifest::{CommandKind, Entry, Manifest};
 use super::read::{check_files, manifest_path};
 use super::{Experiment, Record};
-use crate::files::{FileError, TomlFile};
+use crate::files::{FileError, Quantity, TomlFile};
 
 /// What a folder holds, and what in it cannot be read.
 #[derive(Debug)]
@@ -74,13 +74,13 @@ impl Experiment {
             let record = index.and_then(|index| manifest.records.get(index)).map(|entry| entry.file.clone());
             unreadable.push(Unreadable::new(record, file.show(&fault)));
         }
-        let rate = |rate: Option<f64>| rate.filter(|rate| rate.is_finite() && *rate > 0.0);
+        let rate = |key: &str, rate: Option<f64>| rate.filter(|rate| Quantity::of(key).accept(*rate).is_ok());
         let mut experiment = Self {
             name: manifest.name,
             output: manifest.output,
-            sample_rate_hz: rate(manifest.sample_rate_hz),
-            esc_frame_hz: rate(manifest.esc_frame_hz),
-            command_rate_hz: rate(manifest.command_rate_hz),
+            sample_rate_hz: rate("sample_rate_hz", manifest.sample_rate_hz),
+            esc_frame_hz: rate("esc_frame_hz", manifest.esc_frame_hz),
+            command_rate_hz: rate("command_rate_hz", manifest.command_rate_hz),
             records: Vec::new(),
         };
         let kind = manifest.command;
@@ -114,8 +114,8 @@ impl Experiment {
         }
         self.read_record(folder, entry.clone(), kind, true, manifest).map_err(|error| {
             // A force may be any number.
-            let any = Self { sample_rate_hz: None, records: Vec::new(), ..self.clone() };
-            let rows = any.read_record(folder, entry, CommandKind::ForceN, true, manifest).ok().map(Box::new);
+            let rows = self.read_rows(folder, entry, CommandKind::ForceN, true).ok();
+            let rows = rows.map(|(_, record)| Box::new(record));
             Unreadable { rows, ..Unreadable::new(file, error) }
         })
     }

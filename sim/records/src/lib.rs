@@ -5,6 +5,7 @@
 //! line and column and says what to do. Nothing is guessed.
 
 mod append;
+mod clock;
 mod column;
 mod error;
 mod experiment;

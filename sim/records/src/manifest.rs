@@ -134,7 +134,7 @@ impl Manifest {
             ("esc_frame_hz", self.esc_frame_hz),
             ("command_rate_hz", self.command_rate_hz),
         ] {
-            if let Some(Err(fault)) = rate.map(|rate| root.key(key).positive(rate)) {
+            if let Some(Err(fault)) = rate.map(|rate| root.key(key).accept(rate)) {
                 faults.push((None, fault));
             }
         }
@@ -187,17 +187,16 @@ impl Entry {
 
     fn check(&self, place: &Place) -> Result<(), Fault> {
         plain(&self.file, place.key("file"))?;
-        place.key("nominal").fraction(self.nominal)?;
+        place.key("nominal").accept(self.nominal)?;
         if let Some(period_s) = self.period_s {
-            place.key("period_s").positive(period_s)?;
+            place.key("period_s").accept(period_s)?;
         } else if self.excitation.is_periodic() {
             return Err(place
                 .key("period_s")
                 .fault("a multisine or square wave has a period, and it is not given", "add `period_s`, in seconds"));
         }
         if let Some(amplitude) = self.amplitude {
-            place.key("amplitude").positive(amplitude)?;
-            place.key("amplitude").fraction(amplitude)?;
+            place.key("amplitude").accept(amplitude)?;
         }
         match (&self.compensator, self.compensated) {
             (Some(name), true) => plain(name, place.key("compensator")),

@@ -58,7 +58,8 @@ mod tests {
         #[test]
         fn every_number_is_read_as_the_one_nearest_to_it(bits in any::<u64>()) {
             let number = f64::from_bits(bits);
-            prop_assume!(number.is_finite());
+            // Of the numbers that a column accepts.
+            prop_assume!(number.abs() <= 1e6);
             let mut digits = ryu::Buffer::new();
             for text in [digits.format(number).to_owned(), format!("{number}"), format!("{number:.7e}")] {
                 prop_assert_eq!(parsed(&text).map(f64::to_bits), text.parse().ok().map(f64::to_bits), "{}", text);

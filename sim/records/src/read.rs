@@ -118,6 +118,22 @@ impl Experiment {
         with_command: bool,
         manifest: &TomlFile,
     ) -> Result<Record, FileError> {
+        let (table, record) = self.read_rows(folder, entry, kind, with_command)?;
+        if let Some(stated_hz) = self.sample_rate_hz {
+            table.check_rate(&record, stated_hz, manifest)?;
+        }
+        table.check_clock(&record)?;
+        Ok(record)
+    }
+
+    /// The rows of a record, whatever their times are, and the table that they were taken from.
+    pub(super) fn read_rows(
+        &self,
+        folder: &Path,
+        entry: Entry,
+        kind: CommandKind,
+        with_command: bool,
+    ) -> Result<(Table, Record), FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
         let response = Column::of(self.output);
         let needed: &[Column] =
@@ -125,10 +141,7 @@ impl Experiment {
         let mut table = Table::read(text, needed, kind)?;
         let mut record = entry.into_record();
         table.fill(&mut record);
-        if let Some(stated_hz) = self.sample_rate_hz {
-            table.check_rate(&record, stated_hz, manifest)?;
-        }
-        Ok(record)
+        Ok((table, record))
     }
 }
 

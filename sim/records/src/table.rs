@@ -1,9 +1,12 @@
 //! A record's CSV file: every cell a number that its column accepts, or an error that shows it.
 
+use std::ops::Range;
+
 use csv::StringRecord;
 use memchr::memchr_iter;
 use miette::Diagnostic as _;
 
+use super::clock::WrongClock;
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
 use super::error::short;
 use super::manifest::CommandKind;
@@ -11,6 +14,9 @@ use super::sampling::Grid;
 use super::{Record, plain};
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
 use crate::files::{FileError, Place, TextFile, TomlFile, did_you_mean};
+
+/// Bytes of the longest row: seven numbers with all the digits that anyone writes, quoted and with spaces.
+const LONGEST_ROW: usize = 10_000;
 
 /// The columns of a CSV file, with the text to show errors in.
 pub(super) struct Table {
@@ -50,6 +56,14 @@ impl Table {
         let help = uneven.help().map(|help| help.to_string()).unwrap_or_default();
         let help = format!("{help}. Steps need no even rows: without `sample_rate_hz` they are taken as they come");
         Err(self.cells.wrong_time(&self.text, uneven.row().unwrap_or(1), message, help))
+    }
+
+    /// Refuses times that are no motor's record's.
+    pub(super) fn check_clock(&self, record: &Record) -> Result<(), FileError> {
+        match WrongClock::of(record) {
+            Some(WrongClock { row, message, help }) => Err(self.cells.wrong_time(&self.text, row, message, help)),
+            None => Ok(()),
+        }
     }
 
     /// Takes a column out; empty where it is not there.
@@ -97,6 +111,11 @@ impl Cells {
         let mut row = StringRecord::new();
         let mut start = 0;
         if self.columns.is_empty() {
+            let first = text.text().lines().next().unwrap_or_default();
+            if first.len() > LONGEST_ROW {
+                let message = format!("line 1: {} characters are no header", first.len());
+                return Err(text.complaint(0..first.len(), message, "this line", "begin with time_s,command,thrust_n"));
+            }
             next(&mut reader, &mut row);
             start = reader.position().byte() as usize;
             self.columns = header(text, &row, needed)?;
@@ -104,6 +123,11 @@ impl Cells {
             self.before = vec![None; self.columns.len()];
         }
         self.forget();
+        if let Some(line) = long_line(&text.text()[start..]) {
+            let message = format!("line {}: {} characters are no row", text.line(start + line.start), line.len());
+            let help = "a row has a number for each column of the header, and a line end";
+            return Err(text.complaint(start + line.start..start + line.end, message, "this line", help));
+        }
         let lines = memchr_iter(b'\n', &text.text().as_bytes()[start..]).count();
         for values in &mut self.values {
             values.reserve_exact(lines + 1);
@@ -180,6 +204,13 @@ impl Cells {
             values.clear();
         }
     }
+}
+
+/// The first line that is longer than a row can be.
+fn long_line(text: &str) -> Option<Range<usize>> {
+    let mut start = 0;
+    let ends = memchr_iter(b'\n', text.as_bytes()).chain(std::iter::once(text.len()));
+    ends.map(|end| std::mem::replace(&mut start, end + 1)..end).find(|line| line.len() > LONGEST_ROW)
 }
 
 /// A cell as a number.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::clock::WrongClock;
 use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
 use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
@@ -110,6 +111,9 @@ impl Experiment {
                     .map_err(|refusal| place(column).item(row).fault(refusal.message, refusal.help))?;
                 previous = Some(*value);
             }
+        }
+        if let Some(WrongClock { row, message, help }) = WrongClock::of(record) {
+            return Err(place(Column::TimeS).item(row - 1).fault(message, help));
         }
         match self.sample_rate_hz {
             Some(rate_hz) if !Grid::through(&record.time_s, 1.0 / rate_hz).holds(&record.time_s) => {

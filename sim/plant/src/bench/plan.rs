@@ -227,10 +227,7 @@ impl Plan {
         if i64::try_from(self.seed).is_err() {
             return Err(at("seed").fault(format!("{} is 2^63 or more", self.seed), "use a smaller one"));
         }
-        if !(50..=100_000).contains(&self.loop_rate_hz) {
-            return Err(at("loop_rate_hz")
-                .fault(format!("{} is not in 50 to 100000", self.loop_rate_hz), "use the rate of the control loop"));
-        }
+        at("loop_rate_hz").accept(f64::from(self.loop_rate_hz))?;
         if !self.loop_rate_hz.is_multiple_of(self.sample_rate_hz) {
             return Err(at("sample_rate_hz").fault(
                 format!("{} does not divide loop_rate_hz = {}", self.sample_rate_hz, self.loop_rate_hz),
@@ -238,7 +235,12 @@ impl Plan {
             ));
         }
         if let Some(frame_hz) = self.esc_frame_hz {
-            at("esc_frame_hz").positive(frame_hz)?;
+            at("esc_frame_hz").accept(frame_hz)?;
+        }
+        at("sample_rate_hz").accept(f64::from(self.sample_rate_hz))?;
+        let noise = [("sigma_n", Some(self.noise.sigma_n)), ("hum_n", self.noise.hum_n), ("hum_hz", self.noise.hum_hz)];
+        for (key, value) in noise {
+            value.map_or(Ok(()), |value| at("noise").key(key).accept(value))?;
         }
         if !(0.0..1.0).contains(&self.esc_frame_phase) {
             return Err(at("esc_frame_phase").fault(

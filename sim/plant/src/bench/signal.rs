@@ -157,7 +157,7 @@ enum Shape<'a> {
 impl<'a> Shape<'a> {
     fn of(plan: &Plan, record: &'a PlannedRecord, place: &Place) -> Result<Self, Fault> {
         let keys = Keys { plan, record, place };
-        place.key("nominal").fraction(record.nominal)?;
+        place.key("nominal").accept(record.nominal)?;
         match record.excitation {
             Excitation::Multisine => {
                 keys.only(&["amplitude", "lines", "realization", "periods", "warm_up_periods"])?;
@@ -218,7 +218,7 @@ impl<'a> Shape<'a> {
                         .fault("there are none", "give the levels of the staircase, 0 to 1"));
                 }
                 for (index, &level) in levels.iter().enumerate() {
-                    place.key("levels").item(index).fraction(level)?;
+                    place.key("levels").item(index).accept(level)?;
                 }
                 let hold_rows = keys.hold(levels.len())?;
                 Ok(Self::Staircase { levels, hold_rows })
@@ -271,7 +271,7 @@ impl Keys<'_> {
 
     fn amplitude(&self) -> Result<f64, Fault> {
         let amplitude = self.needed("amplitude", self.record.amplitude)?;
-        self.place.key("amplitude").positive(amplitude)?;
+        self.place.key("amplitude").accept(amplitude)?;
         Ok(amplitude)
     }
 
@@ -340,7 +340,7 @@ impl Keys<'_> {
 
     fn whole_rows(&self, key: &str, duration_s: f64) -> Result<usize, Fault> {
         let place = self.place.key(key);
-        place.clone().positive(duration_s)?;
+        place.clone().accept(duration_s)?;
         self.bounded(key, duration_s)?;
         let rows = duration_s * f64::from(self.plan.sample_rate_hz);
         let whole = rows.round();

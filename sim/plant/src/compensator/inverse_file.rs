@@ -131,7 +131,7 @@ impl CompensatorFile for InverseFile {
             ("loop_rate_hz", Some(self.loop_rate_hz)),
             ("slew_per_s", self.slew_per_s),
         ] {
-            value.map_or(Ok(()), |value| root.key(key).positive(value))?;
+            value.map_or(Ok(()), |value| root.key(key).accept(value))?;
         }
         let half_rate_rad_s = PI * self.loop_rate_hz;
         if self.natural_rad_s >= half_rate_rad_s {
@@ -140,16 +140,16 @@ impl CompensatorFile for InverseFile {
                 "lower it, or raise `loop_rate_hz`",
             ));
         }
-        root.key("min").fraction(self.min)?;
-        root.key("max").fraction(self.max)?;
+        root.key("min").accept(self.min)?;
+        root.key("max").accept(self.max)?;
         if self.min > self.max {
             return Err(root
                 .key("min")
                 .fault(format!("{} is above `max`, {}", self.min, self.max), "exchange the two"));
         }
         let (from, to) = self.compensated();
-        root.key("compensate_from").fraction(from)?;
-        root.key("compensate_to").fraction(to)?;
+        root.key("compensate_from").accept(from)?;
+        root.key("compensate_to").accept(to)?;
         if from > to {
             return Err(root
                 .key("compensate_from")
@@ -164,8 +164,8 @@ impl CompensatorFile for InverseFile {
         }
         for (index, (&nominal, &time_constant_s)) in self.nominal.iter().zip(&self.time_constant_s).enumerate() {
             let place = root.key("nominal").item(index);
-            place.clone().fraction(nominal)?;
-            root.key("time_constant_s").item(index).positive(time_constant_s)?;
+            place.clone().accept(nominal)?;
+            root.key("time_constant_s").item(index).accept(time_constant_s)?;
             if index > 0 && nominal <= self.nominal[index - 1] {
                 return Err(place.fault(
                     format!("{nominal} is not above the command before it, {}", self.nominal[index - 1]),

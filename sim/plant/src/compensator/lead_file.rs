@@ -115,9 +115,9 @@ impl CompensatorFile for LeadFile {
             ("damping", self.damping),
             ("loop_rate_hz", self.loop_rate_hz),
         ] {
-            root.key(key).positive(value)?;
+            root.key(key).accept(value)?;
         }
-        self.slew_per_s.map_or(Ok(()), |value| root.key("slew_per_s").positive(value))?;
+        self.slew_per_s.map_or(Ok(()), |value| root.key("slew_per_s").accept(value))?;
         if self.zero_rad_s >= self.pole_rad_s {
             return Err(root.key("zero_rad_s").fault(
                 format!("{} is not below `pole_rad_s`, {}: the filter would lag", self.zero_rad_s, self.pole_rad_s),
@@ -127,7 +127,7 @@ impl CompensatorFile for LeadFile {
         let half_rate_rad_s = PI * self.loop_rate_hz;
         for (key, value) in [("pole_rad_s", Some(self.pole_rad_s)), ("prewarp_rad_s", self.prewarp_rad_s)] {
             let Some(value) = value else { continue };
-            root.key(key).positive(value)?;
+            root.key(key).accept(value)?;
             if value >= half_rate_rad_s {
                 return Err(root.key(key).fault(
                     format!("{value} is not below half the loop rate, {half_rate_rad_s:.6} rad/s"),

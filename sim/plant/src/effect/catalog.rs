@@ -1,6 +1,6 @@
 //! The kinds of effects that there are, and the rules for an `[[effect]]` of a model.
 
-use rotorlead_records::files::{Fault, Place, did_you_mean};
+use rotorlead_records::files::{Fault, Place, did_you_mean, shown};
 
 use super::{ActiveEffect, Kind, STANDARD, Use};
 use crate::{Effect, Model};
@@ -82,17 +82,14 @@ impl Catalog {
 
     pub(super) fn check_values(kind: &Kind, values: &[f64], place: &Place) -> Result<(), Fault> {
         for (parameter, &value) in kind.parameters.iter().zip(values) {
-            let (from, to) = parameter.possible;
+            let (from, to) = parameter.bounds();
             let place = place.key(parameter.name);
             // A null value that is infinite is a way to say "none".
             let none = value.is_infinite() && value == parameter.null;
             if !(none || (value.is_finite() && (from..=to).contains(&value))) {
-                let range = match (from.is_finite(), to.is_finite()) {
-                    (true, true) => format!("from {from} to {to}"),
-                    (true, false) => format!("{from} or more, and finite"),
-                    _ => "a finite number".to_owned(),
-                };
-                let message = format!("{value} is not {range}: `{}` is {}", parameter.name, parameter.meaning);
+                let (value, from, to) = (shown(value), shown(from), shown(to));
+                let message =
+                    format!("{value} is not from {from} to {to}: `{}` is {}", parameter.name, parameter.meaning);
                 let (low, high) = parameter.plausible;
                 return Err(place.fault(message, format!("plausible values are {low} to {high}")));
             }

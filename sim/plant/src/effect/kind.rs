@@ -8,6 +8,9 @@ use num_complex::Complex64;
 use super::Part;
 use crate::{OperatingPoint, RotorBase};
 
+/// Beyond what is plausible by this factor a value is a slip of its unit.
+const FAR: f64 = 1e3;
+
 /// A kind of effect: what it is, how it shows, and how it is simulated.
 pub struct Kind {
     /// Identifier in files: lower case with underscores.
@@ -230,6 +233,14 @@ impl Parameter {
             pieces: 12,
             usage: Use::Fitted,
         }
+    }
+
+    /// The smallest and the largest value that is accepted: where `possible` has no end, a thousand times what is plausible.
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
+        let (low, high) = self.plausible;
+        let far = FAR * low.abs().max(high.abs());
+        (self.possible.0.max(-far), self.possible.1.min(far))
     }
 
     /// With another null value than 0.

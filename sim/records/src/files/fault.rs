@@ -65,47 +65,24 @@ impl Place {
         Fault { place: self, message: message.into(), help: help.into() }
     }
 
-    /// Accepts a finite number.
-    ///
-    /// # Errors
-    /// A fault at this place for NaN and the infinities.
-    pub fn finite(self, value: f64) -> Result<(), Fault> {
-        self.require(value, value.is_finite(), "a finite number")
+    /// The last key on the way.
+    pub(super) fn last_key(&self) -> Option<&str> {
+        self.0.iter().rev().find_map(|step| match step {
+            Step::Key(key) => Some(key.as_str()),
+            Step::Item(_) => None,
+        })
     }
 
-    /// Accepts a finite number above zero.
-    ///
-    /// # Errors
-    /// A fault at this place for anything else.
-    pub fn positive(self, value: f64) -> Result<(), Fault> {
-        let accepted = value.is_finite() && value > 0.0;
-        self.require(value, accepted, "a finite number above 0")
-    }
-
-    /// Accepts zero and finite numbers above it.
+    /// Accepts zero and finite numbers above it: a standard error, whatever it is one of.
     ///
     /// # Errors
     /// A fault at this place for anything else.
     pub fn not_negative(self, value: f64) -> Result<(), Fault> {
-        let accepted = value.is_finite() && value >= 0.0;
-        self.require(value, accepted, "a finite number of 0 or more")
-    }
-
-    /// Accepts 0 to 1, both included: a normalized command.
-    ///
-    /// # Errors
-    /// A fault at this place for anything else.
-    pub fn fraction(self, value: f64) -> Result<(), Fault> {
-        let accepted = (0.0..=1.0).contains(&value);
-        self.require(value, accepted, "in the range 0 to 1")
-    }
-
-    fn require(self, value: f64, accepted: bool, rule: &str) -> Result<(), Fault> {
-        if accepted {
-            Ok(())
-        } else {
-            Err(self.fault(format!("{value} is not {rule}"), format!("give a value that is {rule}")))
+        let rule = "a finite number of 0 or more";
+        if value.is_finite() && value >= 0.0 {
+            return Ok(());
         }
+        Err(self.fault(format!("{value} is not {rule}"), format!("give a value that is {rule}")))
     }
 }
 

@@ -1,0 +1,241 @@
+//! What the numbers of files may be: every key and column that holds one, the least and the greatest value, and why.
+//!
+//! A number outside its range is no measurement and no design, and the work that some ask for has no end. The table in
+//! `docs/ranges.md` is [`Quantity::table`].
+
+use super::{Fault, Place};
+
+/// What a number of a file says, under any of its keys.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity {
+    /// The keys and columns that hold it.
+    pub keys: &'static [&'static str],
+    /// The least value, which is accepted.
+    pub least: f64,
+    /// The greatest one, likewise.
+    pub greatest: f64,
+    /// Why there is nothing beyond; the end of what is said of a number that is.
+    pub reason: &'static str,
+}
+
+const fn quantity(keys: &'static [&'static str], least: f64, greatest: f64, reason: &'static str) -> Quantity {
+    Quantity { keys, least, greatest, reason }
+}
+
+impl Quantity {
+    /// The times of a record's rows.
+    pub const TIME_S: Self =
+        quantity(&["time_s"], -1e12, 1e12, "seconds; stamps of an epoch in nanoseconds lose their digits");
+    /// The duty of a command.
+    pub const DUTY: Self = quantity(
+        &[
+            "nominal",
+            "command",
+            "esc_command",
+            "levels",
+            "min",
+            "max",
+            "compensate_from",
+            "compensate_to",
+            "range",
+            "esc_frame_phase",
+        ],
+        0.0,
+        1.0,
+        "a part of the whole: 0 is none, 1 is all",
+    );
+    /// The force of a propeller.
+    pub const THRUST_N: Self = quantity(&["thrust_n"], -1e7, 1e7, "newtons; the largest rockets pull so much");
+    /// The speed of a rotor.
+    pub const RPM: Self =
+        quantity(&["rpm"], -1e8, 1e8, "revolutions per minute, electrical ones and ticks of counters included");
+    /// The voltage of a battery.
+    pub const VOLTAGE_V: Self = quantity(&["voltage_v"], -1e6, 1e6, "volts, or millivolts of a battery of 1000 V");
+    /// The current from it.
+    pub const CURRENT_A: Self = quantity(&["current_a"], -1e6, 1e6, "amperes, or milliamperes of a motor of 1000 A");
+
+    /// Every number of every file. A key that is in none of these is a coefficient: see [`Self::NUMBER`].
+    pub const ALL: &'static [Self] = &[
+        Self::TIME_S,
+        Self::DUTY,
+        Self::THRUST_N,
+        Self::RPM,
+        Self::VOLTAGE_V,
+        Self::CURRENT_A,
+        quantity(&["gain", "response"], -1e8, 1e8, "newtons or revolutions per minute at full command"),
+        quantity(
+            &["time_constant_s", "time_constant_up_s", "time_constant_down_s", "low_s", "high_s"],
+            1e-5,
+            100.0,
+            "seconds; a loop of 100 kHz does not see a faster lag, and no motor takes minutes",
+        ),
+        quantity(&["delay_s"], 0.0, 100.0, "seconds; a log that is later belongs to another command"),
+        quantity(
+            &["fit_frequency_percent", "fit_square_percent", "fit_step_percent"],
+            -1e6,
+            100.0,
+            "100 is a perfect fit; a model that is ten thousand times worse than none says nothing of the record",
+        ),
+        quantity(&["dead_zone", "hysteresis", "limit"], -2.0, 2.0, "a part of the range of commands, or little more"),
+        quantity(&["down_over_up"], 1e-3, 1e3, "one time constant over another of the same motor"),
+        quantity(&["sample_rate_hz"], 1e-3, 1e6, "rows a second, from a table by hand to the fastest logger"),
+        quantity(&["esc_frame_hz"], 1.0, 4e4, "hertz; ESCs take 50 to 32000 commands a second"),
+        quantity(&["command_rate_hz"], 1.0, 1e5, "hertz, as often as the loop writes a command"),
+        quantity(&["loop_rate_hz", "rate_hz"], 50.0, 1e5, "hertz; flight controllers run their loops at 250 to 32000"),
+        quantity(
+            &["period_s", "half_period_s", "hold_s"],
+            1e-4,
+            1e5,
+            "seconds; from a loop's tick to a day of recording",
+        ),
+        quantity(&["periods", "warm_up_periods"], 0.0, 1e6, "periods of one record"),
+        quantity(&["amplitude"], 1e-6, 1.0, "a part of the command's range, which an ESC resolves to 1/2000"),
+        quantity(
+            &["zero_rad_s", "pole_rad_s", "prewarp_rad_s", "natural_rad_s", "inverse_rad_s", "speed_loop_rad_s"],
+            1e-2,
+            3.2e5,
+            "radians per second, from the slowest motor to half of 100 kHz",
+        ),
+        quantity(&["damping"], 0.01, 100.0, "a ratio of about 0.7"),
+        quantity(&["slew_per_s"], 1e-3, 1e6, "commands a second: 1 is the whole range in a second"),
+        quantity(&["sigma_n", "hum_n"], 0.0, 1e6, "newtons that a sensor adds"),
+        quantity(&["hum_hz"], 1e-2, 1e5, "hertz; the mains hum at 50 or 60"),
+        quantity(&["pole"], -1.0, 1.0, "the correlation of one row's noise with that of the row before"),
+        quantity(
+            &["frequency_hz", "top_hz", "usable_hz"],
+            0.1,
+            1e6,
+            "hertz; what swings more slowly is no structure that carries a motor, nor does it answer higher up",
+        ),
+        quantity(&["inertia_kg_m2"], 1e-7, 1e3, "kilograms times square meters"),
+        quantity(&["arm_m"], 1e-3, 10.0, "meters from the axis to a motor"),
+        quantity(&["drag_m"], 0.0, 10.0, "meters: newton meters of drag for a newton of thrust"),
+        quantity(&["disturbance_n_m"], 1e-9, 1e4, "newton meters; give it in SI units"),
+        quantity(&["step_deg"], 0.01, 30.0, "degrees; give a step of some"),
+        quantity(&["integral_time_s"], 0.01, 100.0, "seconds; the default vehicle has 0.3"),
+        quantity(&["gyro_low_pass_hz", "d_low_pass_hz"], 1.0, 5e4, "hertz, below half of the controller's rate"),
+        quantity(&["latency_s"], 0.0, 0.1, "give seconds, not milliseconds: 0.002"),
+        quantity(&["gyro_noise_deg_s_sqrt_hz"], 0.0, 100.0, "degrees per second per root hertz; a good gyro has 0.005"),
+        quantity(&["tilt_deg"], 1.0, 80.0, "degrees; without a tilt there is no lateral force"),
+        quantity(&["step_n", "sine_n"], 1e-6, 1e4, "newtons; give it in SI units"),
+        quantity(&["sine_hz"], 0.1, 50.0, "hertz; give a frequency that a vehicle may follow"),
+    ];
+
+    /// A coefficient, or a standard error.
+    pub const NUMBER: Self = quantity(&[], -1e15, 1e15, "a number that leaves digits for those that it is added to");
+
+    /// That of a key, outside of effects, whose parameters are in `docs/confusion.md`.
+    #[must_use]
+    pub fn of(key: &str) -> &'static Self {
+        Self::ALL.iter().find(|quantity| quantity.keys.contains(&key)).unwrap_or(&Self::NUMBER)
+    }
+
+    /// Accepts a number of the range.
+    ///
+    /// # Errors
+    /// What it is not, and what to give.
+    pub fn accept(&self, value: f64) -> Result<(), (String, String)> {
+        let Self { least, greatest, reason, .. } = *self;
+        if (least..=greatest).contains(&value) {
+            return Ok(());
+        }
+        let rule = if (least, greatest) == (0.0, 1.0) {
+            "in the range 0 to 1"
+        } else if !value.is_finite() && least < 0.0 {
+            "a finite number"
+        } else if least > 0.0 && !(value > 0.0 && value.is_finite()) {
+            "a finite number above 0"
+        } else if least == 0.0 && !(value >= 0.0 && value.is_finite()) {
+            "a finite number of 0 or more"
+        } else {
+            let range = format!("from {} to {}", shown(least), shown(greatest));
+            return Err((format!("{} is not {range}", shown(value)), format!("give a value {range}: {reason}")));
+        };
+        Err((
+            format!("{} is not {rule}", shown(value)),
+            format!("give a value from {} to {}: {reason}", shown(least), shown(greatest)),
+        ))
+    }
+
+    /// The table of `docs/ranges.md`.
+    #[must_use]
+    pub fn table() -> String {
+        let row = |quantity: &Self| {
+            let keys: Vec<String> = quantity.keys.iter().map(|key| format!("`{key}`")).collect();
+            let keys = if keys.is_empty() { String::from("any other number") } else { keys.join(", ") };
+            let Self { least, greatest, reason, .. } = *quantity;
+            format!("| {keys} | {} | {} | {reason} |\n", shown(least), shown(greatest))
+        };
+        let rows: String = Self::ALL.iter().chain([&Self::NUMBER]).map(row).collect();
+        format!("| key or column | least | greatest | why |\n|---|---|---|---|\n{rows}")
+    }
+}
+
+impl Place {
+    /// Accepts what its key may hold.
+    ///
+    /// # Errors
+    /// A fault at this place for a number that is out of its range, or is none.
+    pub fn accept(self, value: f64) -> Result<(), Fault> {
+        let quantity = Quantity::of(self.last_key().unwrap_or_default());
+        quantity.accept(value).map_err(|(message, help)| self.fault(message, help))
+    }
+
+    /// Accepts any number that has digits.
+    ///
+    /// # Errors
+    /// A fault at this place for one that is too large, or is none.
+    pub fn accept_any(self, value: f64) -> Result<(), Fault> {
+        Quantity::NUMBER.accept(value).map_err(|(message, help)| self.fault(message, help))
+    }
+}
+
+/// A number with few digits, however large or small it is.
+#[must_use]
+pub fn shown(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-6..1e9).contains(&size) || !size.is_finite() {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn a_key_has_one_range() {
+        let mut keys = BTreeSet::new();
+        for quantity in Quantity::ALL {
+            assert!(quantity.least < quantity.greatest && !quantity.reason.is_empty(), "{quantity:?}");
+            quantity.keys.iter().for_each(|key| assert!(keys.insert(*key), "{key} is there twice"));
+        }
+    }
+
+    #[test]
+    fn a_number_is_accepted_up_to_the_ends_of_its_range() {
+        for quantity in Quantity::ALL {
+            let Quantity { least, greatest, .. } = *quantity;
+            assert_eq!(quantity.accept(least), Ok(()));
+            assert_eq!(quantity.accept(greatest), Ok(()));
+            for value in [least - 1e-3 * least.abs() - 1e-9, 1.001 * greatest, f64::NAN, f64::INFINITY, 1e300] {
+                let (message, help) = quantity.accept(value).unwrap_err();
+                assert!(message.contains("is not") && help.contains(quantity.reason), "{message}: {help}");
+                assert!(message.len() < 80, "{message}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_place_is_judged_by_its_key() {
+        let lags = Place::root().key("point").item(1).key("time_constant_s");
+        assert_eq!(lags.clone().accept(0.1), Ok(()));
+        assert_eq!(lags.clone().item(2).accept(0.1), Ok(()));
+        let fault = lags.item(2).accept(9e18).unwrap_err();
+        assert_eq!(fault.to_string(), "`point` 2, `time_constant_s` 3: 9e18 is not from 0.00001 to 100");
+    }
+}
