@@ -220,6 +220,12 @@ impl<'a> Shape<'a> {
                 for (index, &level) in levels.iter().enumerate() {
                     place.key("levels").item(index).accept(level)?;
                 }
+                if levels.windows(2).all(|pair| pair[0] == pair[1]) {
+                    return Err(place.key("levels").fault(
+                        "the command would stand still: no two neighbors differ",
+                        "give two levels or more, one after the other",
+                    ));
+                }
                 let hold_rows = keys.hold(levels.len())?;
                 Ok(Self::Staircase { levels, hold_rows })
             }

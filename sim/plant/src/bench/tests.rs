@@ -289,8 +289,12 @@ fn what_does_not_go_together_is_refused() {
 
 #[test]
 fn files_are_named_by_level_and_excitation() {
-    let at =
-        |nominal| PlannedRecord { nominal, levels: Some(vec![0.5]), hold_s: Some(0.1), ..bare(Excitation::Staircase) };
+    let at = |nominal| PlannedRecord {
+        nominal,
+        levels: Some(vec![0.5, 0.6]),
+        hold_s: Some(0.1),
+        ..bare(Excitation::Staircase)
+    };
     let records = [0.05, 0.4, 0.4, 0.4125, 1.0].map(at).to_vec();
     let experiment = quick(&Plan { records, ..plan_of(at(0.5)) }, &table_1(), None);
     let names: Vec<&str> = experiment.records.iter().map(|record| &*record.file).collect();
