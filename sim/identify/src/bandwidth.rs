@@ -241,7 +241,7 @@ fn static_level(raw: &[ResponsePoint], value: StaticValue) -> Result<f64, Identi
         weights[row] * (lowest[row].omega_rad_s / scale).powi(2 * column as i32)
     });
     let target = DVector::from_fn(lines, |row, _| weights[row] / powers[row]);
-    let solution = design.svd(true, true).solve(&target, 1e-12).map_err(|_| no_level())?;
+    let solution = rotorlead_numerics::linear::solve(design, &target, 1e-12).ok_or_else(no_level)?;
     if solution[0] > 0.0 && solution[0].is_finite() { Ok(solution[0].sqrt().recip()) } else { Err(no_level()) }
 }
 

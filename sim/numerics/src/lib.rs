@@ -3,6 +3,7 @@
 
 pub mod extremum;
 pub mod least_squares;
+pub mod linear;
 pub mod normal_equations;
 pub mod sample;
 pub mod statistics;

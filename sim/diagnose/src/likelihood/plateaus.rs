@@ -259,7 +259,7 @@ impl<'a> Plateaus<'a> {
         let count = columns.len();
         let matrix = DMatrix::from_fn(count, count, |i, j| dot(&white[i], &white[j]) * scale(i) * scale(j));
         let right = DVector::from_fn(count, |i, _| dot(&white[i], &measured) * scale(i));
-        let solution = matrix.svd(true, true).solve(&right, 1e-9).unwrap_or_else(|_| DVector::zeros(count));
+        let solution = rotorlead_numerics::linear::solve(matrix, &right, 1e-9).unwrap_or_else(|| DVector::zeros(count));
         let factors: Vec<f64> = solution.iter().enumerate().map(|(index, factor)| factor * scale(index)).collect();
         let nearest =
             |row: usize| columns.iter().zip(&factors).map(|(column, factor)| factor * column[row]).sum::<f64>();

@@ -18,6 +18,8 @@ const BEYOND: f64 = 0.5;
 
 /// Shortest time constant that is searched, seconds.
 const LEAST_TIME_CONSTANT_S: f64 = 1e-4;
+/// And none is longer.
+const GREATEST_TIME_CONSTANT_S: f64 = 100.0;
 
 /// Gain of a lag that does not respond: its logarithm is searched.
 const LEAST_GAIN: f64 = 1e-9;
@@ -94,7 +96,8 @@ impl Hypothesis {
         self.has_free_map = data.records.iter().all(Record::has_free_map);
         // Of several records that with the shortest interval shows most.
         let shortest = data.records.iter().map(Record::least_time_constant_s).fold(f64::INFINITY, f64::min);
-        self.least_s = self.least_s.max(if shortest.is_finite() { shortest } else { 0.0 });
+        self.least_s =
+            self.least_s.max(if shortest.is_finite() { shortest.min(GREATEST_TIME_CONSTANT_S) } else { 0.0 });
         self
     }
 
@@ -166,7 +169,9 @@ impl Hypothesis {
                 let gain = &mut self.base[point].gain;
                 *gain = to.exp().max(LEAST_GAIN).copysign(*gain);
             }
-            Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(self.least_s, 100.0),
+            Coordinate::TimeConstant(point) => {
+                self.base[point].time_constant_s = to.exp().clamp(self.least_s, GREATEST_TIME_CONSTANT_S)
+            }
             Coordinate::TimeOffset => self.time_offset_s = to,
             Coordinate::Effect { effect, value } => {
                 let candidate = &mut self.effects[effect];

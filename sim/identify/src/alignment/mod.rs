@@ -350,7 +350,7 @@ fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Opti
         let columns = problem.regressors(&start)?;
         let normal = columns.tr_mul(&columns);
         let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
-        let linear = normal.svd(true, true).solve(&right, 1e-9).ok()?;
+        let linear = rotorlead_numerics::linear::solve(normal, &right, 1e-9)?;
         let (of_rows, initial) = linear.as_slice().split_at(1 + problem.powers);
         start[GAIN - 1..GAIN + problem.powers].copy_from_slice(of_rows);
         if let (Some(lag), Some(initial)) = (problem.lag_index(), initial.first()) {

@@ -182,6 +182,10 @@ fn fit(command: &[Complex64], response: &[Complex64], place: usize, scale: f64) 
         let at = r.powu((column % COEFFICIENTS) as u32);
         if column < COEFFICIENTS { at * command[row] / scale } else { at }
     });
+    // What is no number has no decomposition.
+    if !matrix.iter().all(|entry| entry.norm_sqr().is_finite()) {
+        return None;
+    }
     let svd = matrix.clone().svd(true, true);
     let (left, right) = (svd.u.as_ref()?, svd.v_t.as_ref()?);
     let largest = svd.singular_values.max();

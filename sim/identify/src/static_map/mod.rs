@@ -154,6 +154,13 @@ pub enum StaticMapError {
         /// Levels at hand.
         levels: usize,
     },
+    /// Nothing to fit.
+    #[error("the response is {response} on every level: the sensor is dead, or shows something else")]
+    #[diagnostic(help("check the sensor and its wires; a response of zeros is none"))]
+    Still {
+        /// The response.
+        response: f64,
+    },
     /// No polynomial fits.
     #[error("no polynomial fits the levels")]
     #[diagnostic(help("look at the levels: two of them may have the same command and no other"))]
@@ -176,6 +183,10 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     }
     if levels.len() < 4 {
         return Err(StaticMapError::TooFewLevels { levels: levels.len() });
+    }
+    let first = points[0].response;
+    if points.iter().all(|point| point.response == first) {
+        return Err(StaticMapError::Still { response: first });
     }
     let (low, high) = (levels[0], levels[levels.len() - 1]);
     let std = pooled_std(&points);
@@ -320,12 +331,15 @@ impl StaticMapFit {
     }
 
     /// Commands for `count` (2 or more) responses that are evenly spaced between the lowest and the highest: a table that
-    /// makes the throttle linear. Pairs of the share of that range, 0..1, and the command.
+    /// makes the throttle linear. Pairs of the share of that range, 0..1, and the command. `None` of a map that falls.
     #[must_use]
     pub fn linearization(&self, count: usize) -> Option<Vec<(f64, f64)>> {
         let (from, to) = self.rising_range();
         let at = |u: f64| self.shape.response(&self.parameters, u, None);
         let (low, high) = (at(from), at(to));
+        if !(low <= high) {
+            return None;
+        }
         (0..count)
             .map(|k| {
                 let share = k as f64 / (count.max(2) - 1) as f64;

@@ -127,7 +127,7 @@ pub(super) fn fit(shape: Shape, points: &[SteadyPoint], std: &[f64]) -> Option<S
             ((points[row].command.min(limit) - shape.center) / shape.half_range).powi(j as i32) / std[row]
         });
         let right = nalgebra::DVector::from_fn(points.len(), |row, _| points[row].response / std[row]);
-        let linear = columns.svd(true, true).solve(&right, 1e-12).ok()?;
+        let linear = rotorlead_numerics::linear::solve(columns, &right, 1e-12)?;
         let mut start = vec![0.0; shape.parameters()];
         start[..=shape.degree].copy_from_slice(linear.as_slice());
         if let Some(k) = shape.limit() {

@@ -324,7 +324,7 @@ fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
             ((time_s[row] - middle) / width).powi(power as i32)
         });
         let right = nalgebra::DVector::from_column_slice(values);
-        let Ok(solution) = columns.clone().svd(true, true).solve(&right, 1e-12) else { continue };
+        let Some(solution) = rotorlead_numerics::linear::solve(columns.clone(), &right, 1e-12) else { continue };
         squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
     }
     // The median: where the command jumps no parabola fits. Of a chi-square of 6 it is 0.891 of the mean.
