@@ -28,6 +28,17 @@ pub enum FileError {
         /// The path as it was given.
         path: PathBuf,
     },
+    /// More than is read into memory.
+    #[error("`{}` is longer than {} MB", path.display(), most / 1_000_000)]
+    #[diagnostic(help(
+        "check that this is the right file; rows that are more than these are split into several records"
+    ))]
+    TooLong {
+        /// The path as it was given.
+        path: PathBuf,
+        /// The greatest length, bytes.
+        most: u64,
+    },
     /// The operating system refused.
     #[error("cannot {action} `{}`", path.display())]
     #[diagnostic(help("check the path, its permissions and the free space of its disk"))]

@@ -1,7 +1,7 @@
 //! A text file, kept so that errors can show the place in it.
 
-use std::fs;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +12,12 @@ use miette::NamedSource;
 use super::{Excerpt, FileError, Located};
 
 const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// A text that is read whole is no longer: ten million rows.
+const LONGEST_TEXT: u64 = 1_000_000_000;
+/// How much of a message is shown, and of the text that it is about, characters: names and texts may be as long as a file.
+const LONGEST_MESSAGE: usize = 600;
+const LONGEST_SPAN: usize = 80;
 
 /// Bytes of text that were read by now.
 static READ: AtomicU64 = AtomicU64::new(0);
@@ -40,7 +46,7 @@ impl TextFile {
         if path.is_dir() {
             return Err(FileError::NotAFile { path: path.to_owned() });
         }
-        let bytes = fs::read(path).map_err(|source| cannot_read(path, source))?;
+        let bytes = read_up_to(path, LONGEST_TEXT)?;
         let file = Self::part(path, bytes, 0, 0)?;
         if file.text.trim().is_empty() {
             return Err(FileError::Empty { path: path.to_owned() });
@@ -103,6 +109,17 @@ impl TextFile {
     }
 }
 
+/// A whole file of `most` bytes or fewer; what has no end, such as a device, is read no further either.
+fn read_up_to(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    match read {
+        Err(source) => Err(cannot_read(path, source)),
+        Ok(length) if length as u64 > most => Err(FileError::TooLong { path: path.to_owned(), most }),
+        Ok(_) => Ok(bytes),
+    }
+}
+
 pub(super) fn cannot_read(path: &Path, source: io::Error) -> FileError {
     match source.kind() {
         io::ErrorKind::NotFound => FileError::Missing {
@@ -114,13 +131,23 @@ pub(super) fn cannot_read(path: &Path, source: io::Error) -> FileError {
 }
 
 fn located(path: &Path, text: Excerpt, span: Range<usize>, message: String, label: String, help: String) -> FileError {
+    let span = text.shortened(span, LONGEST_SPAN);
     FileError::Located(Box::new(Located {
-        message,
+        message: shortened(message),
         label,
-        help,
+        help: shortened(help),
         source_code: NamedSource::new(path.display().to_string(), text),
         span: span.into(),
     }))
+}
+
+/// The begin of a text, where it is long.
+fn shortened(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(LONGEST_MESSAGE) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
 }
 
 /// Shows the first byte that is not UTF-8. Before it the lossy text equals the file.

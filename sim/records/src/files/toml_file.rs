@@ -14,6 +14,9 @@ use super::{Fault, FileError, Place, TextFile, write_file};
 /// The layout that this version reads and writes.
 const FORMAT: u32 = 1;
 
+/// Bytes of the longest TOML file: a description of ten thousand records is shorter.
+const LONGEST_TOML: usize = 4_000_000;
+
 /// The text of a TOML file, kept to show faults in.
 #[derive(Clone, Debug)]
 pub struct TomlFile {
@@ -37,6 +40,9 @@ impl TomlFile {
     /// As [`Self::read`], but for those of [`TextFile::read`].
     pub fn parse<T: DeserializeOwned>(text: TextFile) -> Result<(T, Self), FileError> {
         let file = Self { text };
+        if file.text.text().len() > LONGEST_TOML {
+            return Err(FileError::TooLong { path: file.text.path().to_owned(), most: LONGEST_TOML as u64 });
+        }
         file.check_format()?;
         let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
         Ok((value, file))

@@ -18,6 +18,15 @@ pub enum ImportError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// More than is read into memory.
+    #[error("{}: longer than {} MB", file.display(), most / 1_000_000)]
+    #[diagnostic(help("cut the part that holds the run out of it with the logger's own tools"))]
+    TooLong {
+        /// The log.
+        file: PathBuf,
+        /// The greatest length, bytes.
+        most: u64,
+    },
     /// A folder is given for a log.
     #[error("{}: it is a folder, and no log", file.display())]
     #[diagnostic(help("give the logs in it, each by its name"))]

@@ -30,6 +30,8 @@ mod ulog;
 mod ulog_messages;
 mod vectors;
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 
 pub use error::ImportError;
@@ -98,6 +100,8 @@ const MIN_STEADY_POINTS: usize = 4;
 const LONGEST_INTERVAL_S: f64 = 10.0;
 /// A recording that lasts longer is in another unit of time: a day, seconds.
 const LONGEST_RECORD_S: f64 = 86_400.0;
+/// Bytes of the longest log, which is read whole.
+const LONGEST_LOG: u64 = 1_000_000_000;
 
 /// Takes a log whose format is recognized by its content.
 ///
@@ -108,7 +112,13 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
     if file.is_dir() {
         return Err(ImportError::Folder { file: file.into() });
     }
-    let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
+    let mut bytes = Vec::new();
+    File::open(file)
+        .and_then(|log| log.take(LONGEST_LOG + 1).read_to_end(&mut bytes))
+        .map_err(|source| ImportError::Read { file: file.into(), source })?;
+    if bytes.len() as u64 > LONGEST_LOG {
+        return Err(ImportError::TooLong { file: file.into(), most: LONGEST_LOG });
+    }
     import_bytes(file, &bytes, options)
 }
 
