@@ -3,6 +3,9 @@
 use rotorlead_fourier as fourier;
 use rotorlead_plant::{Actuator, Drive, PlantError, Start, simulate_response};
 
+/// Commands between two rows, at most: more of them are a continuous command to whatever the rows show.
+const MOST_PER_ROW: f64 = 256.0;
+
 /// Periods that run before the record, from rest.
 const WARM_UP_PERIODS: u32 = 2;
 
@@ -24,7 +27,7 @@ pub(super) fn simulated_periods(
     rates: Rates,
 ) -> Result<Vec<f64>, PlantError> {
     // A loop of a whole multiple of the rows' rate has commands between them: the lines of the period say which.
-    let factor = rates.command_hz.map_or(1.0, |command_hz| (command_hz / rates.row_hz).round()).max(1.0) as usize;
+    let factor = rates.command_hz.map_or(1, |command_hz| commands_per_row(command_hz, rates.row_hz));
     let period = if factor > 1 { upsampled(&command[..length], factor) } else { command[..length].to_vec() };
     let command_hz = rates.row_hz * factor as f64;
     // One period more than there are rows: a slow logger takes its last rows behind the last period.
@@ -34,6 +37,13 @@ pub(super) fn simulated_periods(
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
     let start = Start::Periodic { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
     simulate_response(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)
+}
+
+/// How many commands there are between two rows: 1 where they change with the rows, and no more than shows.
+#[must_use]
+pub fn commands_per_row(command_hz: f64, row_hz: f64) -> usize {
+    // A number from 1 to MOST_PER_ROW, so the cast is exact.
+    (command_hz / row_hz).round().clamp(1.0, MOST_PER_ROW) as usize
 }
 
 /// `period` with `factor` values for each of its own, by its Fourier series.

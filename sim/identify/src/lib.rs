@@ -45,7 +45,7 @@ pub use bandwidth::{
 };
 pub use broadband::{ChirpIdentification, ChirpResponse, identify_chirps, is_chirp_to_fit};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
-pub use effects::upsampled;
+pub use effects::{commands_per_row, upsampled};
 pub use error::IdentifyError;
 pub use estimate::Estimate;
 pub use etfe::{Etfe, ResponsePoint};

@@ -6,6 +6,9 @@ use super::{CommandStage, Memory, PlantError, Segment};
 /// Times nearer than this part of a frame are the same moment.
 pub const SAME_MOMENT_FRAMES: f64 = 1e-9;
 
+/// More frames than these of one command are passed over at once: the work goes with the rows, not with the time between them.
+const MANY_FRAMES: f64 = 1e4;
+
 /// A zero-order hold at the rate of the ESC's frames (600 Hz in the paper).
 ///
 /// Frame `n` starts at `(n + phase) / frame_hz`. What the command is at that moment holds until the next frame
@@ -56,6 +59,12 @@ impl CommandStage for EscFrame {
         if from_s + self.same_moment_s >= self.next_s && self.next_s + self.same_moment_s < until_s {
             self.held = input.level;
             self.next += 1.0;
+            self.next_s = (self.next + self.phase) / self.frame_hz;
+        }
+        // Of many frames in a piece that stands still, all but the first take over what is there already.
+        let is_still = input.slope_per_s == 0.0 && self.held == input.level;
+        if is_still && (until_s - self.next_s) * self.frame_hz > MANY_FRAMES {
+            self.next = (until_s * self.frame_hz - self.phase - SAME_MOMENT_FRAMES).ceil();
             self.next_s = (self.next + self.phase) / self.frame_hz;
         }
         // A frame that starts with the next piece takes over that piece's command.

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rotorlead_identify::{IdentifyError, response_of, upsampled};
+use rotorlead_identify::{IdentifyError, commands_per_row, response_of, upsampled};
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_plant::{Lag, OperatingCurve};
 use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role};
@@ -281,7 +281,7 @@ impl Record {
         if source.excitation == Excitation::Multisine
             && let Some(command_rate_hz) = experiment.command_rate_hz
         {
-            record.upsample_command((command_rate_hz / rate_hz).round() as usize);
+            record.upsample_command(commands_per_row(command_rate_hz, rate_hz));
             if record.is_straight(command_rate_hz, experiment.esc_frame_hz.is_some()) {
                 record.interpolate_command();
             }

@@ -22,6 +22,8 @@ const LEAD_IN: f64 = 12.0;
 /// The fit is over the first whole number of periods that last this many time constants: around a sinusoid whose two halves are not
 /// followed alike, the mean settles as slowly as that, and a shorter fit is off by a percent.
 const FITTED: f64 = 10.0;
+/// Ticks of the loop for which a sinusoid is followed, at most: some seconds of work, and a lag of six seconds at 5 kHz.
+const MOST_TICKS: f64 = 2e7;
 /// Rows of a period, at least; more are left out.
 const ROWS_PER_PERIOD: f64 = 40.0;
 
@@ -137,6 +139,12 @@ impl Sweep<'_> {
         let from = (period_s.max(LEAD_IN * self.time_constant_s) * rate_hz).ceil() as u64;
         let periods = (FITTED * self.time_constant_s / period_s).ceil();
         let rows = (periods * period_s * rate_hz).ceil() as u64;
+        let ticks = (from + rows) as f64;
+        if ticks > MOST_TICKS {
+            let limit =
+                "20 million or fewer: lower --loop-rate, or correct a time constant that is too long for a motor's";
+            return Err(PlantError::Setting { parameter: "ticks of a sinusoid", value: ticks, limit });
+        }
         let every = ((period_s * rate_hz / ROWS_PER_PERIOD) as u64).max(1);
         let mut matrix = Matrix4::zeros();
         let mut sides = Vector4::zeros();

@@ -36,9 +36,17 @@ const STEPS_PER_ORDER: usize = 60;
 /// A stage ends when a step lowers the norm by less than this part.
 const SMALLEST_GAIN: f64 = 1e-9;
 
+/// More lines than these are left as clipping has them: the work and the memory of a step of the descent go with the cube and the
+/// square of their number.
+const MOST_DESCENDED: usize = 300;
+/// On a grid of more samples there are fewer rounds of clipping, and no fewer than the second number.
+const CLIPPED_SAMPLES: usize = 1 << 16;
+const FEWEST_ROUNDS: usize = 20;
+
 /// One period on a grid, and the way there and back.
 struct Grid<'a> {
     lines: &'a LineSet,
+    samples: usize,
     forward: Arc<dyn RealToComplex<f64>>,
     inverse: Arc<dyn ComplexToReal<f64>>,
 }
@@ -47,7 +55,7 @@ impl<'a> Grid<'a> {
     fn new(lines: &'a LineSet, oversampling: usize) -> Self {
         // At least four times the top harmonic: sums of two harmonics stay below half the grid.
         let samples = (lines.top_harmonic() as usize * oversampling).next_power_of_two();
-        Self { lines, forward: fourier::real_forward(samples), inverse: fourier::real_inverse(samples) }
+        Self { lines, samples, forward: fourier::real_forward(samples), inverse: fourier::real_inverse(samples) }
     }
 
     fn waveform(&self, phases: &[f64]) -> Vec<f64> {
@@ -141,21 +149,28 @@ impl<'a> Grid<'a> {
 /// The phases of lower peak that are reached from `phases`; `done` is called after each stage.
 pub(super) fn lower_peak(lines: &LineSet, mut phases: Vec<f64>, mut done: impl FnMut()) -> Vec<f64> {
     let coarse = Grid::new(lines, COARSE_OVERSAMPLING);
-    for round in 0..CLIP_ROUNDS {
-        let part = round as f64 / CLIP_ROUNDS as f64;
+    // As much work as on the grid of a few hundred lines.
+    let rounds = (CLIP_ROUNDS * CLIPPED_SAMPLES / coarse.samples).clamp(FEWEST_ROUNDS, CLIP_ROUNDS);
+    for round in 0..rounds {
+        let part = round as f64 / rounds as f64;
         coarse.clip(&mut phases, CLIP_LEVELS.0 + (CLIP_LEVELS.1 - CLIP_LEVELS.0) * part);
     }
     done();
+    if lines.harmonics().len() > MOST_DESCENDED {
+        ORDERS.iter().for_each(|_| done());
+        return within_a_turn(phases);
+    }
     let fine = Grid::new(lines, FINE_OVERSAMPLING);
     for order in ORDERS {
         let grid = if order < FINE_FROM_ORDER { &coarse } else { &fine };
         grid.descend(&mut phases, order);
         done();
     }
-    for phase in &mut phases {
-        *phase = phase.rem_euclid(TAU);
-    }
-    phases
+    within_a_turn(phases)
+}
+
+fn within_a_turn(phases: Vec<f64>) -> Vec<f64> {
+    phases.into_iter().map(|phase| phase.rem_euclid(TAU)).collect()
 }
 
 /// How often [`lower_peak`] calls back.
