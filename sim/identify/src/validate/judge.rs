@@ -5,7 +5,7 @@ use rotorlead_plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantErro
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::left_over::LeftOver;
-use super::noise::{LevelNoise, PeriodNoise};
+use super::noise::{self, LevelNoise, PeriodNoise};
 use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
 use crate::effects::{Rates, simulated_periods};
 use crate::fit_percent::{fit_percent, percent_when_left, spread};
@@ -139,13 +139,14 @@ impl Judge<'_> {
             Excitation::Square | Excitation::Triangle => {
                 let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
                 let (_, length) = spectra::period(record, row_rate_hz)?;
-                let noise = PeriodNoise::of(&residual, length);
+                let noise = PeriodNoise::of(&residual, length).filter(|noise| noise::shows(noise.variance, measured));
                 (noise.as_ref().map(|noise| noise.variance * rows), noise.map(|noise| noise.left_over()))
             }
             Excitation::Step => {
                 let noise = Run::of(record, self.experiment.output)
                     .ok()
-                    .and_then(|run| LevelNoise::of(&run, &record.time_s, |_| tau_s));
+                    .and_then(|run| LevelNoise::of(&run, &record.time_s, |_| tau_s))
+                    .filter(|noise| noise::shows(noise.variance, measured));
                 let left_over = noise.as_ref().and_then(|noise| noise.left_over(residual.iter().copied().enumerate()));
                 (noise.map(|noise| noise.variance * rows), left_over)
             }
@@ -185,7 +186,10 @@ impl Judge<'_> {
         let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
         simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
         let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
-        let noise = run.as_ref().and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s));
+        let noise = run
+            .as_ref()
+            .and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s))
+            .filter(|noise| noise::shows(noise.variance, raw));
         let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
             let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
             noise.left_over(rows.clone().filter(|&row| shows(row)).map(|row| (row, left(row))))

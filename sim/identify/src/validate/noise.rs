@@ -20,6 +20,18 @@ const SETTLED_TIME_CONSTANTS: f64 = 7.0;
 /// Fewer settled rows have no spectrum worth the name.
 const FEWEST_ROWS: usize = 16;
 
+/// What is less than this part of the response is the rounding of its numbers.
+const ROUNDING: f64 = 1e-9;
+
+/// Whether noise of this variance shows in a response: a sensor of coarse steps, or one that was computed, stands still where it
+/// should scatter, and a variance below that of rounding to its steps is not the noise's.
+pub(super) fn shows(variance: f64, response: &[f64]) -> bool {
+    let step = response.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    let step = step.fold(f64::INFINITY, f64::min);
+    let largest = response.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    variance > (step * step / 12.0).max((ROUNDING * largest).powi(2))
+}
+
 /// Degrees of freedom of noise with these powers by bin, each the average of `samples` complex ones.
 fn degrees_of_freedom(powers: impl Iterator<Item = f64>, samples: f64) -> f64 {
     let (sum, squares) = powers.fold((0.0, 0.0), |(sum, squares), p| (sum + p, squares + p * p));
