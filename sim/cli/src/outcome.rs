@@ -6,13 +6,24 @@ use std::path::{Path, PathBuf};
 use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
-use miette::{IntoDiagnostic as _, WrapErr as _};
+use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use rotorlead_records::files::{OutputFolder, check_writable, write_file};
 use serde::Serialize;
 use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
+use thiserror::Error;
 
 use super::WrongUse;
+
+/// A result with a number that is not one.
+#[derive(Debug, Error, Diagnostic)]
+#[error("the data lead to a number that is none: {line}")]
+#[diagnostic(help(
+    "look for values in the records or the model that are far from all others; `rotorlead check` says what is odd"
+))]
+struct NoNumber {
+    line: String,
+}
 
 /// What came out of a command.
 #[derive(Debug)]
@@ -48,6 +59,14 @@ impl Outcome {
         Self { detail, ..self }
     }
 
+    /// Refuses a result that holds a number that is none: whatever the reason, the rest is not to be trusted either.
+    fn check(&self) -> Result<(), NoNumber> {
+        let is_none = |word: &&str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
+        let lines = self.text.lines().chain(self.detail.lines());
+        let line = lines.filter(|line| line.split_whitespace().any(|word| is_none(&word))).map(str::trim).next();
+        line.map_or(Ok(()), |line| Err(NoNumber { line: line.to_owned() }))
+    }
+
     fn json_text(&self) -> String {
         format!("{:#}\n", self.json)
     }
@@ -79,12 +98,14 @@ impl JsonOption {
 
     /// Prints the outcome, or writes it, or both.
     pub fn say(&self, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
+        outcome.check()?;
         self.write(&outcome)?;
         self.print(&outcome, verbosity)
     }
 
     /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
     pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
+        outcome.check()?;
         let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
         if is_inside {
             folder.commit()?;

@@ -53,6 +53,9 @@ fn checksum(experiment: &Experiment, folder: &Path) -> Option<String> {
 
 /// The lags of a model, in a phrase.
 pub fn lags(model: &Model) -> String {
+    if model.points.is_empty() {
+        return "a static map alone, and no lag".to_owned();
+    }
     let (low, high) = ends(model.points.iter().map(|point| point.time_constant_s));
     if let [_] = model.points.as_slice() {
         return format!("one lag, time constant {:.1} ms, a pole at {:.2} rad/s", 1e3 * low, 1.0 / low);

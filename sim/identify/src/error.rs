@@ -2,6 +2,7 @@
 
 use miette::Diagnostic;
 use rotorlead_plant::{ModelError, PlantError};
+use rotorlead_records::files::Fault;
 use thiserror::Error;
 
 use super::Topic;
@@ -242,6 +243,17 @@ pub enum IdentifyError {
     NoFitRecord {
         /// The experiment's name.
         name: String,
+    },
+    /// What was fitted is no actuator's.
+    #[error("{experiment}: the records give no actuator: {fault}")]
+    #[diagnostic(help(
+        "look at the records, `rotorlead check` says what is odd; a model holds what an actuator can have"
+    ))]
+    NoActuator {
+        /// The experiment's name.
+        experiment: String,
+        /// Which number of the model, and what it may be.
+        fault: Fault,
     },
     /// The model says nothing of a record's nominal command.
     #[error("{file}: {source}")]

@@ -139,7 +139,11 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     identification.add_static_map(experiment);
     match (&identification.lags, &identification.static_map) {
         (Lags::None, None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone() }),
-        _ => Ok(identification),
+        _ => {
+            let model = &identification.model;
+            model.check().map_err(|fault| IdentifyError::NoActuator { experiment: experiment.name.clone(), fault })?;
+            Ok(identification)
+        }
     }
 }
 

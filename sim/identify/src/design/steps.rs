@@ -6,6 +6,8 @@ use serde::Serialize;
 
 /// A step is followed for so many of the longest time constants of the model.
 const FOLLOWED: f64 = 12.0;
+/// A way of a smaller share of the response is rounding: nothing moves.
+const MOVES: f64 = 1e-9;
 /// Share of the step around its end within which the response has settled.
 const SETTLED: f64 = 0.05;
 
@@ -120,7 +122,8 @@ impl StepResponse {
     /// From the response at every tick, from that of the step to one long after.
     fn of(responses: &[f64], rate_hz: f64) -> Self {
         let (Some(&start), Some(&end)) = (responses.first(), responses.last()) else { return Self::NONE };
-        if start == end {
+        let largest = responses.iter().fold(0.0_f64, |largest, response| largest.max(response.abs()));
+        if (end - start).abs() <= MOVES * largest {
             return Self::NONE;
         }
         let parts = || responses.iter().map(|response| (response - start) / (end - start));

@@ -100,7 +100,9 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     let speed = picked(&rpm, &rows);
     notes.extend(age_of_reports(file, log, &time_s, &speed)?);
     let (low_hz, high_hz) = (frequency_hz[rows[0]], frequency_hz[rows[rows.len() - 1]]);
-    notes.push(format!("a chirp from {low_hz:.2} to {high_hz:.2} Hz, as its rows say"));
+    if low_hz.is_finite() && high_hz.is_finite() {
+        notes.push(format!("a chirp from {low_hz:.2} to {high_hz:.2} Hz, as its rows say"));
+    }
     let columns = vec![
         column("ECRP.TimeUS".into(), Some("time_s"), STAMP),
         column("ECRP.PWM".into(), Some("command"), &format!("{}..{} become 0..1", range.0, range.1)),
