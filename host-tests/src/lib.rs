@@ -32,11 +32,23 @@ use rotorlead::throttle::{Command, FRACTION_BITS};
 /// Where `CI` is set and the log is missing.
 #[must_use]
 pub fn real_log(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("ROTORLEAD_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
-    let sets = ["alspitz_esc_test", "sar_simulation"].map(|set| folder.join(set).join(name));
-    let [first, _] = &sets;
-    let file = sets.iter().find(|file| file.exists()).unwrap_or(first).clone();
+    let sets = ["alspitz_esc_test", "sar_simulation"].map(|set| format!("{set}/{name}"));
+    let [first, second] = &sets;
+    data(if data_folder().join(second).exists() { second } else { first })
+}
+
+fn data_folder() -> PathBuf {
+    std::env::var_os("ROTORLEAD_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from)
+}
+
+/// A file or folder beside the logs, as [`real_log`].
+///
+/// # Panics
+/// As [`real_log`].
+#[must_use]
+pub fn data(name: &str) -> Option<PathBuf> {
+    let file = data_folder().join(name);
     if !file.exists() {
         let message = format!("{} is not there", file.display());
         assert!(std::env::var_os("CI").is_none(), "{message}");
