@@ -367,7 +367,7 @@ hold_s = 2.5
             ("seed = 7", "seed = 7\nloop_rate_hz = 80\nsample_rate_hz = 80", ["`record` 1", "excitation can play"]),
             ("esc_frame_hz = 600", "esc_frame_hz = 0", ["esc_frame_hz", "above 0"]),
             ("esc_frame_hz = 600", "esc_frame_phase = 1", ["esc_frame_phase", "0..1"]),
-            ("sigma_n = 0.02", "sigma_n = -0.02", ["sigma_n", "not negative"]),
+            ("sigma_n = 0.02", "sigma_n = -0.02", ["sigma_n", "0 or more"]),
             ("pole = 0.9", "pole = 1.0", ["pole", "between -1 and 1"]),
             ("pole = 0.9", "", ["pole", "missing"]),
             ("color = \"ar1\"", "color = \"pink\"", ["pink", "white"]),

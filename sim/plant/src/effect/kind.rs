@@ -239,7 +239,8 @@ impl Parameter {
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         let (low, high) = self.plausible;
-        let far = FAR * low.abs().max(high.abs());
+        // A limit far away is none.
+        let far = if self.null.is_infinite() { f64::MAX } else { FAR * low.abs().max(high.abs()) };
         (self.possible.0.max(-far), self.possible.1.min(far))
     }
 

@@ -73,13 +73,24 @@ impl Place {
         })
     }
 
+    /// Accepts a finite number above zero: an argument that is in no file.
+    ///
+    /// # Errors
+    /// A fault at this place for anything else.
+    pub fn positive(self, value: f64) -> Result<(), Fault> {
+        self.require(value, value > 0.0, "a finite number above 0")
+    }
+
     /// Accepts zero and finite numbers above it: a standard error, whatever it is one of.
     ///
     /// # Errors
     /// A fault at this place for anything else.
     pub fn not_negative(self, value: f64) -> Result<(), Fault> {
-        let rule = "a finite number of 0 or more";
-        if value.is_finite() && value >= 0.0 {
+        self.require(value, value >= 0.0, "a finite number of 0 or more")
+    }
+
+    fn require(self, value: f64, accepted: bool, rule: &str) -> Result<(), Fault> {
+        if accepted && value.is_finite() {
             return Ok(());
         }
         Err(self.fault(format!("{value} is not {rule}"), format!("give a value that is {rule}")))

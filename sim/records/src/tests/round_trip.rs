@@ -78,7 +78,7 @@ fn any_record() -> impl Strategy<Value = Record> {
 }
 
 fn any_experiment() -> impl Strategy<Value = Experiment> {
-    let rate = || prop::option::of(1.0..1e5);
+    let rate = || prop::option::of(1.0..4e4);
     let records = prop::collection::vec(any_record(), 1..4);
     (any::<String>(), rate(), rate(), records).prop_map(|(name, esc, command, mut records)| {
         for (index, record) in records.iter_mut().enumerate() {
