@@ -98,10 +98,7 @@ fn numbers_in_another_unit_than_they_are_taken_for_are_doubted_at_once() {
     // The same rows with milliseconds that are called seconds.
     stand.write("logs/slow.csv", log.replacen(&header, &header.replace("ms", "s"), 1));
     let import = "import logs/slow.csv --excitation multisine --period-s 10 --out slow";
-    let said = stand.run(import);
-    assert!(said.contains("warning: ") && said.contains("time"), "{said}");
-    let found = stand.json(&import.replace("--out slow", "--out again"));
-    assert_eq!(found["findings"][0]["topic"], "time_unit", "{found:#}");
+    stand.refuses(import, 1, &["rows come every 1 s", "no motor shows in them", "milliseconds by 1000"]);
     // As they should be nothing is doubted.
     assert_eq!(stand.json(MULTISINE)["findings"].as_array().unwrap().len(), 0);
 }
