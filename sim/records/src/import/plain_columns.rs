@@ -10,6 +10,7 @@ use super::summary::ColumnList;
 use super::table::{Reading, seconds_since_midnight};
 use super::{ImportError, ImportOptions};
 use crate::Excitation;
+use crate::files::csv_rows::quoted;
 
 /// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and
 /// ten bits at 1023.
@@ -318,8 +319,12 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question]) -> ImportError {
 /// The columns' names, for messages.
 fn listed(plain: &PlainTable<'_>) -> String {
     let names = plain.table.header.iter().filter(|name| !name.is_empty());
-    names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    let shown = names.map(|name| format!("`{}`", quoted(name)));
+    shown.take(MOST_LISTED).collect::<Vec<_>>().join(", ")
 }
+
+/// So many columns are listed: a log with more has them in no message.
+const MOST_LISTED: usize = 60;
 
 /// What a name says.
 #[derive(Clone, Copy, Debug, PartialEq)]
