@@ -337,14 +337,11 @@ impl StaticMapFit {
         let (from, to) = self.rising_range();
         let at = |u: f64| self.shape.response(&self.parameters, u, None);
         let (low, high) = (at(from), at(to));
-        if !(low <= high) {
-            return None;
-        }
         (0..count)
             .map(|k| {
                 let share = k as f64 / (count.max(2) - 1) as f64;
-                // The ends to rounding.
-                let response = (low + share * (high - low)).clamp(low, high);
+                // The ends to rounding. A map that falls has its ends the other way round.
+                let response = (low + share * (high - low)).max(low).min(high);
                 Some((share, self.command_for(response)?))
             })
             .collect()
