@@ -64,7 +64,9 @@ pub fn simulate<'py>(
             run(&plan, &model, design.as_ref(), &|_| ()).map_err(miette::Report::from).wrap_err(refusal)?;
         if let Some(folder) = folder {
             experiment.write_into(&folder)?;
-            design.map_or(Ok(()), |design| design.write(&folder.building().join(COMPENSATOR)))?;
+            if let Some(design) = design {
+                folder.write(COMPENSATOR, design.text(folder.destination())?.as_bytes())?;
+            }
             folder.commit()?;
         }
         Ok(experiment)

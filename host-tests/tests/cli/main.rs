@@ -18,6 +18,7 @@ mod latency;
 mod mutated;
 mod new;
 mod output;
+mod outputs;
 mod report_of_steps;
 mod reports;
 mod robust;

@@ -72,7 +72,7 @@ pub struct Bandwidth {
     #[command(flatten)]
     latency: LatencyArguments,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -96,7 +96,7 @@ struct Values {
 impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.report.check(None)?;
+        self.report.check()?;
         // Before files are read: it may be wrong use.
         self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
         self.parameters.options()?;

@@ -55,7 +55,7 @@ impl Check {
             (inspection, findings)
         });
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
-        self.json.say(self.outcome(&inspection, &findings, errors), verbosity)?;
+        self.json.say(|| Ok(self.outcome(&inspection, &findings, errors)), verbosity)?;
         if errors == 0 {
             return Ok(());
         }

@@ -35,13 +35,13 @@ pub struct Design {
     model: PathBuf,
     /// Where the compensator goes
     #[arg(long, value_name = "FILE")]
-    pub(super) out: PathBuf,
+    out: PathBuf,
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
     latency: LatencyArguments,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -54,7 +54,7 @@ impl Design {
         self.parameters.options()?;
         let model = Model::read(&self.model)?;
         check_writable(&self.out)?;
-        self.report.check(Some(&self.out))?;
+        self.report.check()?;
         let effects = ActiveEffect::of_model(&model)?;
         let designed = self.parameters.design(&model, &self.model)?;
         let compensator = designed.compensator();

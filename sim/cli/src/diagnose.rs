@@ -41,12 +41,12 @@ pub struct Diagnose {
     model: Option<PathBuf>,
     /// Where the model with the effects that were found goes
     #[arg(long, value_name = "FILE")]
-    pub(super) out_model: Option<PathBuf>,
+    out_model: Option<PathBuf>,
     /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
     #[arg(long, value_name = "FILE", requires = "experiment")]
     out_plan: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     table: BandwidthArguments,
     #[command(flatten)]
@@ -86,7 +86,7 @@ impl Diagnose {
         if let Some(out) = &self.out_plan {
             check_writable(out)?;
         }
-        self.report.check(self.out_model.as_deref())?;
+        self.report.check()?;
         let catalog = Catalog::standard();
         let bar = progress::estimate("diagnosing", STEPS);
         let tick = || progress::step(&bar);

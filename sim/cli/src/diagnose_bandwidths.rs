@@ -71,7 +71,7 @@ impl BandwidthArguments {
         out: Option<&Path>,
         report: &ReportOption,
     ) -> miette::Result<Outcome> {
-        report.check(out)?;
+        report.check()?;
         let fitted = match self.fit {
             FittedColumn::Uncompensated => Column::Uncompensated,
             FittedColumn::Compensated => Column::Compensated,

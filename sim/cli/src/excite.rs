@@ -64,9 +64,9 @@ pub struct Excite {
     starts: u32,
     /// Write one period as CSV: time_s, command
     #[arg(long, value_name = "FILE")]
-    pub(super) out: Option<PathBuf>,
+    out: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -84,9 +84,15 @@ impl Excite {
             )
             .into());
         }
-        self.report.check(self.out.as_deref())?;
+        self.report.check()?;
         let samples = self.samples(self.band.1)?;
         let files = self.files();
+        // Numbered, they are not on the command line.
+        let others = [self.json.file(), self.report.file()];
+        if let Some(both) = files.iter().find(|file| others.contains(&Some(file))) {
+            let message = format!("--out and --json or --report are both `{}`", both.display());
+            return Err(WrongUse::new(message, "give them different files: one would overwrite the other").into());
+        }
         for file in &files {
             check_writable(file)?;
         }

@@ -16,9 +16,9 @@ use super::report_option::ReportOption;
 use super::report_pages;
 
 /// What `rotorlead identify --out` wrote beside a log.
-const MODEL: &str = "model.toml";
+pub(super) const MODEL: &str = "model.toml";
 /// What `rotorlead diagnose --json` wrote beside a log.
-const DIAGNOSIS: &str = "diagnose.json";
+pub(super) const DIAGNOSIS: &str = "diagnose.json";
 
 /// Compares many logs: each motor with the others, each log with its motor's, and over months
 ///
@@ -31,7 +31,7 @@ pub struct Fleet {
     #[arg(value_name = "DIR")]
     fleet: PathBuf,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -46,7 +46,7 @@ struct Read {
 impl Fleet {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.report.check(None)?;
+        self.report.check()?;
         let list = FleetList::read(&self.fleet)?;
         let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect();
         let output = common_output(&read)?;

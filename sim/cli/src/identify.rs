@@ -40,7 +40,7 @@ pub struct Identify {
     experiment: PathBuf,
     /// Where the model goes
     #[arg(long, value_name = "FILE")]
-    pub(super) out: PathBuf,
+    out: PathBuf,
     /// Whether a dead time is part of the lag at multisine records
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
@@ -58,7 +58,7 @@ pub struct Identify {
     #[command(flatten)]
     align: AlignOptions,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -99,7 +99,7 @@ impl Identify {
             return identify_stand::run(&self.experiment, &self.out, &self.of_stand, &self.report);
         }
         check_writable(&self.out)?;
-        self.report.check(Some(&self.out))?;
+        self.report.check()?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
             Delay::None => 0.0,

@@ -31,7 +31,7 @@ pub struct StandArguments {
 /// Identifies the stand of the experiment in `folder` and writes it to `out`.
 pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &ReportOption) -> miette::Result<Outcome> {
     check_writable(out)?;
-    report.check(Some(out))?;
+    report.check()?;
     let mut options = StandOptions::default();
     if let Some(order) = arguments.order {
         options.poles = usize::from(order)..=usize::from(order);

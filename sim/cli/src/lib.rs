@@ -46,7 +46,6 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
 use self::outcome::{JsonOption, Outcome, Verbosity};
-use self::report_option::ReportOption;
 pub use self::wrong_use::WrongUse;
 
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
@@ -73,7 +72,8 @@ From a log to a compensator:
 
 With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 
-Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted, 143 terminated.";
+Exit status: 0 done, 1 failed, 2 wrong use, 129 hung up, 130 interrupted,
+131 quit, 143 terminated.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -101,7 +101,8 @@ impl Arguments {
     /// What the command line says. Wrong use, `--help` and `--version` end the program here.
     ///
     /// # Errors
-    /// When help or version were asked for and cannot be printed.
+    /// When help or version were asked for and cannot be printed; a [`WrongUse`] where outputs are in each other's place, or
+    /// in that of what is read.
     pub fn of_command_line() -> miette::Result<Self> {
         let matches = match command_line().try_get_matches() {
             Ok(matches) => matches,
@@ -111,9 +112,7 @@ impl Arguments {
             }
             Err(wrong) => wrong.exit(),
         };
-        if let Some(overwritten) = overwrite_guard::overwritten(&matches) {
-            command_line().error(clap::error::ErrorKind::ValueValidation, overwritten).exit();
-        }
+        overwrite_guard::check(&command_line(), &matches)?;
         Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
     }
 
@@ -130,53 +129,32 @@ impl Arguments {
         if verbosity == Verbosity::Quiet {
             progress::hide();
         }
-        let say = |json: &JsonOption, out, report, run: &dyn Fn() -> miette::Result<Outcome>| {
-            say(json, out, report, run, verbosity)
+        // Into a folder that is yet to be made the JSON may go too.
+        let say = |json: &JsonOption, folder: Option<&Path>, run: &dyn Fn() -> miette::Result<Outcome>| {
+            json.check(folder)?;
+            json.say(run, verbosity)
         };
         match &self.command {
             Command::New(command) => command.say(verbosity),
             Command::Check(command) => command.say(verbosity),
-            Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), &|| command.run()),
-            Command::Excite(command) => {
-                say(&command.json, command.out.as_deref(), Some(&command.report), &|| command.run())
-            }
-            Command::Simulate(command) => {
-                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
-            }
-            Command::Import(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
-            Command::Identify(command) => {
-                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
-            }
-            Command::Validate(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
-            Command::Design(command) => {
-                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
-            }
-            Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
-            Command::Vehicle(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
-            Command::Export(command) => say(&command.json, None, None, &|| command.run()),
-            Command::Diagnose(command) => {
-                say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
-            }
-            Command::Fleet(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
-            Command::Report(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
+            Command::Demo(command) => say(&command.json, Some(&command.out), &|| command.run()),
+            Command::Excite(command) => say(&command.json, None, &|| command.run()),
+            Command::Simulate(command) => say(&command.json, Some(&command.out), &|| command.run()),
+            Command::Import(command) => say(&command.json, Some(&command.out), &|| command.run()),
+            Command::Identify(command) => say(&command.json, None, &|| command.run()),
+            Command::Validate(command) => say(&command.json, None, &|| command.run()),
+            Command::Design(command) => say(&command.json, None, &|| command.run()),
+            Command::Bandwidth(command) => say(&command.json, None, &|| command.run()),
+            Command::Vehicle(command) => say(&command.json, None, &|| command.run()),
+            Command::Export(command) => say(&command.json, None, &|| command.run()),
+            Command::Diagnose(command) => say(&command.json, None, &|| command.run()),
+            Command::Fleet(command) => say(&command.json, None, &|| command.run()),
+            Command::Report(command) => say(&command.json, None, &|| command.run()),
             Command::Device(command) => command.say(verbosity),
             Command::Completions(command) => command.run(),
             Command::Man(command) => command.run(),
         }
     }
-}
-
-/// Runs a command, whose own output goes to `out`, and says what came out.
-fn say(
-    json: &JsonOption,
-    out: Option<&Path>,
-    report: Option<&ReportOption>,
-    run: &dyn Fn() -> miette::Result<Outcome>,
-    verbosity: Verbosity,
-) -> miette::Result<()> {
-    json.check(out)?;
-    report.map_or(Ok(()), |report| report.check_apart(json))?;
-    json.say(run()?, verbosity)
 }
 
 /// The command line with its commands; the long help of each says how it ends.

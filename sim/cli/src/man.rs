@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, Command};
 use clap_mangen::Man as Page;
 use miette::IntoDiagnostic as _;
-use rotorlead_records::files::write_file;
+use rotorlead_records::files::{all_or_nothing, make_folder, write_file};
 
 use super::command_line;
 use super::outcome::print_bytes;
-use super::report_option::{check_folder, make_folder};
+use super::report_option::check_folder;
 
 /// Prints the manual page, or writes one for every command
 ///
@@ -29,14 +29,16 @@ impl Man {
         command.build();
         let Some(folder) = &self.out else { return print_bytes(&page(&command)?) };
         check_folder(folder)?;
-        make_folder(folder)?;
-        let mut commands = vec![&command];
-        while let Some(command) = commands.pop() {
-            let name = command.get_display_name().unwrap_or(command.get_name());
-            write_file(&folder.join(format!("{name}.1")), &page(command)?)?;
-            commands.extend(command.get_subcommands());
-        }
-        Ok(())
+        all_or_nothing(|| {
+            make_folder(folder)?;
+            let mut commands = vec![&command];
+            while let Some(command) = commands.pop() {
+                let name = command.get_display_name().unwrap_or(command.get_name());
+                write_file(&folder.join(format!("{name}.1")), &page(command)?)?;
+                commands.extend(command.get_subcommands());
+            }
+            Ok(())
+        })
     }
 }
 

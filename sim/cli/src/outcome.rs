@@ -7,13 +7,11 @@ use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
-use rotorlead_records::files::{OutputFolder, check_writable, write_file};
+use rotorlead_records::files::{FileError, OutputFolder, all_or_nothing, check_writable, write_file};
 use serde::Serialize;
 use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
 use thiserror::Error;
-
-use super::WrongUse;
 
 /// A result with a number that is not one.
 #[derive(Debug, Error, Diagnostic)]
@@ -82,24 +80,23 @@ pub struct JsonOption {
 
 impl JsonOption {
     /// Refuses a file that cannot be written, before any work is done. `out` is where the command's own output goes.
-    pub fn check(&self, out: Option<&Path>) -> miette::Result<()> {
+    pub fn check(&self, out: Option<&Path>) -> Result<(), FileError> {
         match (self.file(), out) {
-            (Some(file), Some(out)) if file == out => Err(WrongUse::new(
-                format!("--json and --out are both `{}`", out.display()),
-                "give them different files: one would overwrite the other",
-            )
-            .into()),
             // In a folder that the command is yet to make.
             (Some(file), Some(out)) if file.starts_with(out) => Ok(()),
-            (Some(file), _) => Ok(check_writable(file)?),
+            (Some(file), _) => check_writable(file),
             (None, _) => Ok(()),
         }
     }
 
-    /// Prints the outcome, or writes it, or both.
-    pub fn say(&self, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
-        outcome.check()?;
-        self.write(&outcome)?;
+    /// Runs what has an outcome and prints it, or writes it, or both. Files that it writes are all replaced, or none is.
+    pub fn say(&self, run: impl FnOnce() -> miette::Result<Outcome>, verbosity: Verbosity) -> miette::Result<()> {
+        let outcome = all_or_nothing(|| {
+            let outcome = run()?;
+            outcome.check()?;
+            self.write(&outcome)?;
+            Ok::<_, miette::Report>(outcome)
+        })?;
         self.print(&outcome, verbosity)
     }
 
@@ -107,13 +104,15 @@ impl JsonOption {
     pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
         outcome.check()?;
         let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
-        if is_inside {
-            folder.commit()?;
-            self.write(&outcome)?;
-        } else {
-            self.write(&outcome)?;
-            folder.commit()?;
-        }
+        all_or_nothing(|| {
+            if is_inside {
+                folder.commit()?;
+                self.write(&outcome)
+            } else {
+                self.write(&outcome)?;
+                Ok(folder.commit()?)
+            }
+        })?;
         self.print(&outcome, verbosity)
     }
 

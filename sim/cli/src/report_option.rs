@@ -6,11 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::IntoDiagnostic as _;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
-use rotorlead_records::files::{FileError, check_writable, write_file};
+use rotorlead_records::files::{FileError, check_writable, make_folder, write_file};
 use rotorlead_report::{Figure, FigureError, Report};
 
-use super::WrongUse;
-use super::outcome::JsonOption;
 use super::progress;
 
 /// Where the report and its figures go.
@@ -28,41 +26,25 @@ pub struct ReportOption {
 pub struct FiguresOption {
     /// Also write every figure as SVG and PNG, and the numbers of figures and tables as CSV, into this folder, which is made
     /// where it is not there
-    #[arg(long = "figures", value_name = "DIR")]
-    folder: Option<PathBuf>,
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
 }
 
 impl ReportOption {
-    /// Refuses what cannot be written, before any work is done; `out` is where the command's own output goes.
-    pub fn check(&self, out: Option<&Path>) -> miette::Result<()> {
-        if let Some(report) = &self.report {
-            if Some(report.as_path()) == out {
-                return Err(WrongUse::new(
-                    format!("--report and --out are both `{}`", report.display()),
-                    "give them different files: one would overwrite the other",
-                )
-                .into());
-            }
-            check_writable(report)?;
-        }
-        Ok(self.figures.check()?)
+    /// Refuses what cannot be written, before any work is done.
+    pub fn check(&self) -> Result<(), FileError> {
+        self.report.as_deref().map_or(Ok(()), check_writable)?;
+        self.figures.check()
     }
 
-    /// Refuses one file for the report and the JSON.
-    pub fn check_apart(&self, json: &JsonOption) -> miette::Result<()> {
-        match json.file() {
-            Some(file) if self.report.as_deref() == Some(file) => Err(WrongUse::new(
-                format!("--json and --report are both `{}`", file.display()),
-                "give them different files: one would overwrite the other",
-            )
-            .into()),
-            _ => Ok(()),
-        }
+    /// Where the report goes.
+    pub fn file(&self) -> Option<&Path> {
+        self.report.as_deref()
     }
 
     /// Writes what was asked for, and says where it is. The report is made only where it is.
     pub fn write(&self, report: impl FnOnce() -> Report) -> miette::Result<String> {
-        if self.report.is_none() && self.figures.folder.is_none() {
+        if self.report.is_none() && self.figures.figures.is_none() {
             return Ok(String::new());
         }
         let report = report();
@@ -78,12 +60,12 @@ impl ReportOption {
 impl FiguresOption {
     /// Refuses a folder that cannot be made, before any work is done.
     pub fn check(&self) -> Result<(), FileError> {
-        self.folder.as_deref().map_or(Ok(()), check_folder)
+        self.figures.as_deref().map_or(Ok(()), check_folder)
     }
 
     /// Writes the figures and tables of a report where a folder is given, and says so.
     pub fn write(&self, report: &Report) -> miette::Result<String> {
-        let Some(folder) = &self.folder else { return Ok(String::new()) };
+        let Some(folder) = &self.figures else { return Ok(String::new()) };
         make_folder(folder)?;
         let figures: Vec<&Figure> = report.sections.iter().flat_map(|section| &section.figures).collect();
         // Bitmaps take their time: they are drawn side by side.
@@ -135,10 +117,4 @@ pub fn check_folder(path: &Path) -> Result<(), FileError> {
     } else {
         check_writable(path)
     }
-}
-
-/// Makes a folder where it is not there; the one that it stands in has to be.
-pub fn make_folder(path: &Path) -> Result<(), FileError> {
-    let failed = |source| FileError::Io { action: "create", path: path.to_owned(), source };
-    std::fs::create_dir_all(path).map_err(failed)
 }

@@ -37,7 +37,7 @@ pub struct Simulate {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -45,7 +45,7 @@ pub struct Simulate {
 impl Simulate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.report.check(Some(&self.out))?;
+        self.report.check()?;
         let model = Model::read(&self.model)?;
         let mut plan = match &self.plan {
             Some(file) => read_plan(TextFile::read(file)?, &model)?,
@@ -63,14 +63,15 @@ impl Simulate {
             plan.compensator = Some(PathBuf::from("compensator.toml"));
         }
         // Before the work, so that a folder in the way is found early.
-        let folder = OutputFolder::create(&self.out)?;
+        drop(OutputFolder::create(&self.out)?);
         let experiment = simulate(&plan, &model, design.as_ref()).wrap_err_with(|| match &self.plan {
             Some(plan) => format!("`{}` cannot be run on `{}`", plan.display(), self.model.display()),
             None => format!("the paper's experiment cannot be run on `{}`", self.model.display()),
         })?;
+        let folder = OutputFolder::create(&self.out)?;
         experiment.write_into(&folder)?;
         if let Some(design) = &design {
-            design.write(&folder.building().join("compensator.toml"))?;
+            folder.write("compensator.toml", design.text(&self.out)?.as_bytes())?;
         }
         folder.commit()?;
 

@@ -27,7 +27,7 @@ pub struct Validate {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -35,7 +35,7 @@ pub struct Validate {
 impl Validate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.report.check(None)?;
+        self.report.check()?;
         let model = Model::read(&self.model)?;
         let (experiment, records) = progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
             let experiment = Experiment::read(&self.experiment)?;

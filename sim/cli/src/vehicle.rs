@@ -35,7 +35,7 @@ pub struct Vehicle {
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -68,7 +68,7 @@ struct Beside {
 impl Vehicle {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.report.check(None)?;
+        self.report.check()?;
         let airframe = self.airframe.as_deref().map_or_else(|| Ok(Airframe::default()), Airframe::read)?;
         let model = self.model.as_deref().map_or_else(|| Ok(table_1()), Model::read)?;
         let bar = progress::bar("tuning and simulating", steps(&airframe));

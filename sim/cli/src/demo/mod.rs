@@ -19,7 +19,7 @@ use rotorlead_identify::{
 };
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
-use rotorlead_records::files::write_file;
+use rotorlead_records::files::{make_folder, write_file};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_report::{
     Color, Curve, Figure, FigureKind, Mark, Report, bandwidth_section, bode, design_section, excitation_section,
@@ -30,7 +30,7 @@ use serde::Serialize;
 use super::bandwidth::RESAMPLES;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::positive;
-use super::report_option::{ReportOption, check_folder, make_folder};
+use super::report_option::{ReportOption, check_folder};
 use super::simulate::simulate;
 use super::{progress, report_pages};
 
@@ -56,7 +56,7 @@ pub struct Demo {
     #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
     slew: Option<f64>,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -138,7 +138,7 @@ impl Demo {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         check_folder(&self.out)?;
-        self.report.check(None)?;
+        self.report.check()?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;

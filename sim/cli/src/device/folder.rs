@@ -96,19 +96,12 @@ impl<'a> ExperimentFolder<'a> {
 
     /// Name and text of the compensator's file: the one that is there, or else a free name.
     fn compensator(&self, path: &Path) -> Result<(String, Vec<u8>), FileError> {
-        let scratch = tempfile::tempdir().map_err(|source| io("create", &std::env::temp_dir(), source))?;
-        let file = scratch.path().join("compensator.toml");
-        self.design.write(&file)?;
-        let text = fs::read(&file).map_err(|source| io("read", &file, source))?;
+        let text = self.design.text(path)?.into_bytes();
         let names = (1..).map(|n| numbered("compensator", n, ".toml"));
         let fits = |name: &String| fs::read(path.join(name)).map_or(!path.join(name).exists(), |there| there == text);
         let name = names.into_iter().find(fits).unwrap_or_default();
         Ok((name, text))
     }
-}
-
-fn io(action: &'static str, path: &Path, source: std::io::Error) -> FileError {
-    FileError::Io { action, path: path.to_owned(), source }
 }
 
 /// `stem.csv`, or `stem_2.csv` where there is one already, and so on.

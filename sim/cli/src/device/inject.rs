@@ -85,7 +85,7 @@ impl Inject {
         let plan = self.plan(&model, &design, compensate, settings.loop_rate_hz)?;
         // Before the work, so that a motor that does not exist or a folder in the way is found early.
         rotorlead_device::path(&settings, self.motor, compensate)?;
-        let folder = OutputFolder::create(&self.out)?;
+        drop(OutputFolder::create(&self.out)?);
 
         let bar = progress::bar("injecting", 1);
         let mut played: Vec<Played> = Vec::new();
@@ -113,9 +113,10 @@ impl Inject {
                 Broken { cause, samples: done, total, different, help }.into()
             }
         })?;
+        let folder = OutputFolder::create(&self.out)?;
         experiment.write_into(&folder)?;
         if compensate {
-            design.write(&folder.building().join("compensator.toml"))?;
+            folder.write("compensator.toml", design.text(&self.out)?.as_bytes())?;
         }
         folder.commit()?;
         Ok(say(&self.out, &experiment, &played))

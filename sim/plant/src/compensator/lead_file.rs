@@ -203,7 +203,7 @@ g1 = {g1}
         let prewarped = LeadDesign::new(*design().lead(), 5000.0, Some(20.0)).unwrap();
         let scratch = Scratch::new();
         let path = scratch.path().join("compensator.toml");
-        LeadFile::of(&prewarped).write(&path).unwrap();
+        crate::CompensatorDesign::from(prewarped).write(&path).unwrap();
         assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().prewarp_rad_s(), Some(20.0));
         let limited = read(&text().replacen("= 5000", "= 5000\nslew_per_s = 20", 1)).unwrap();
         assert_eq!(limited, design().with_slew(20.0).unwrap());
@@ -256,7 +256,7 @@ g1 = {g1}
     fn a_compensator_that_would_not_read_back_is_not_written() {
         let scratch = Scratch::new();
         let file = LeadFile { damping: f64::NAN, ..LeadFile::of(&design()) };
-        let error = file.write(&scratch.path().join("c.toml")).unwrap_err();
+        let error = file.text(&scratch.path().join("c.toml")).unwrap_err();
         assert_report(error, &["c.toml", "`damping`", "NaN", "give a value"]);
         assert!(scratch.names().is_empty());
     }
@@ -275,7 +275,7 @@ g1 = {g1}
             let design = design.with_slew(slew_per_s).unwrap();
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
-            LeadFile::of(&design).write(&path).unwrap();
+            crate::CompensatorDesign::from(design).write(&path).unwrap();
             prop_assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap(), design);
         }
     }

@@ -16,7 +16,7 @@ use num_complex::Complex64;
 use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead::throttle::Command;
-use rotorlead_records::files::{FileError, Place, TextFile, TomlFile};
+use rotorlead_records::files::{FileError, Place, TextFile, TomlFile, write_file};
 use serde::{Deserialize, Serialize};
 
 use stored::CompensatorFile;
@@ -81,9 +81,17 @@ impl CompensatorDesign {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        write_file(path, self.text(path)?.as_bytes())
+    }
+
+    /// The text of its file, which is to be at `path`.
+    ///
+    /// # Errors
+    /// When reading the file would refuse it.
+    pub fn text(&self, path: &Path) -> Result<String, FileError> {
         match self.stored() {
-            StoredCompensator::Lead(file) => file.write(path),
-            StoredCompensator::Inverse(file) => file.write(path),
+            StoredCompensator::Lead(file) => file.text(path),
+            StoredCompensator::Inverse(file) => file.text(path),
         }
     }
 

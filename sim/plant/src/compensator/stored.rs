@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile, write_toml};
+use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile, to_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -39,10 +39,10 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
         Ok(design)
     }
 
-    /// Checks a file and writes it, complete or not at all.
-    fn write(&self, path: &Path) -> Result<(), FileError> {
+    /// The text of a file that is to be at `path`, checked.
+    fn text(&self, path: &Path) -> Result<String, FileError> {
         self.check().map_err(|fault| FileError::refused(path, fault))?;
-        write_toml(path, self)
+        Ok(to_toml(self))
     }
 }
 

@@ -10,6 +10,8 @@ use std::time::Duration;
 /// Where temporary files and folders were made. Those that were renamed or removed since are no longer there: names are drawn,
 /// so that nothing else is.
 static MADE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// Folders that were made for files that have not got their names yet: those that are empty go again.
+static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// A folder into which another thread was writing is tried so often...
 const ATTEMPTS: usize = 50;
@@ -24,6 +26,24 @@ pub(super) fn make_unfinished<T: AsRef<Path>>(make: impl FnOnce() -> io::Result<
     // The working directory may be another by then.
     paths.push(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
     Ok(temporary)
+}
+
+/// Makes a folder for files, and remembers it.
+pub(super) fn remember_folder(path: &Path, make: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+    unless_interrupted(|| {
+        make()?;
+        folders().push(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
+        Ok(())
+    })
+}
+
+/// Removes such a folder if nothing came to be in it, and remembers it no more.
+pub(super) fn forget_folder(path: &Path) {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    unless_interrupted(|| {
+        let _ = fs::remove_dir(&path);
+        folders().retain(|known| *known != path);
+    });
 }
 
 /// Does what must not happen while unfinished files are removed: gives one its name, or makes another.
@@ -46,8 +66,16 @@ pub fn remove_unfinished() {
             }
         }
     }
+    for folder in folders().iter() {
+        // One that is not empty stays.
+        let _ = fs::remove_dir(folder);
+    }
     // Never unlocked: whoever waits for it is to wait for the end.
     std::mem::forget(paths);
+}
+
+fn folders() -> MutexGuard<'static, Vec<PathBuf>> {
+    FOLDERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn made() -> MutexGuard<'static, Vec<PathBuf>> {

@@ -36,4 +36,4 @@ pub use interrupt::remove_unfinished;
 pub use quantity::{Quantity, shown};
 pub use text::{TextFile, bytes_read};
 pub use toml_file::{TomlFile, to_toml, write_toml};
-pub use write::{check_writable, write_file, write_file_parts};
+pub use write::{all_or_nothing, check_writable, make_folder, write_file, write_file_parts};

@@ -1,12 +1,75 @@
 //! A file that is complete or absent.
 
+use std::cell::RefCell;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::TempPath;
+
 use super::FileError;
-use super::interrupt::{make_unfinished, unless_interrupted};
+use super::interrupt::{forget_folder, make_unfinished, remember_folder, unless_interrupted};
+
+thread_local! {
+    /// What each [`all_or_nothing`] that this thread is in has written so far, the innermost last.
+    static PENDING: RefCell<Vec<Pending>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Files that are complete beside their destinations, and folders that were made for them.
+#[derive(Default)]
+struct Pending {
+    files: Vec<(TempPath, PathBuf)>,
+    folders: Vec<PathBuf>,
+}
+
+/// Does `act`, whose files ([`write_file`]) get their names together when it succeeds. Where it fails, or one of them finds no
+/// room, all that stood in their places stays as it was, and a folder that was made for them ([`make_folder`]) goes again.
+///
+/// Counts for the thread that calls it alone.
+///
+/// # Errors
+/// Those of `act`, and the operating system's at the end.
+pub fn all_or_nothing<T, E: From<FileError>>(act: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+    /// Also when `act` panics: the next one must not find these.
+    struct Scope;
+    impl Drop for Scope {
+        fn drop(&mut self) {
+            let pending = PENDING.with_borrow_mut(Vec::pop).unwrap_or_default();
+            drop(pending.files);
+            pending.folders.iter().for_each(|folder| forget_folder(folder));
+        }
+    }
+    PENDING.with_borrow_mut(|pending| pending.push(Pending::default()));
+    let scope = Scope;
+    let done = act()?;
+    let files = PENDING.with_borrow_mut(|pending| pending.last_mut().map(|pending| std::mem::take(&mut pending.files)));
+    unless_interrupted(|| files.unwrap_or_default().into_iter().try_for_each(|(file, target)| persist(file, &target)))?;
+    drop(scope);
+    Ok(done)
+}
+
+/// Makes a folder where it is not there; the one that it stands in has to be. Where nothing comes to be in it, as when the program
+/// is interrupted, it goes again.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn make_folder(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    remember_folder(path, || fs::create_dir(path)).map_err(|source| FileError::Io {
+        action: "create",
+        path: path.to_owned(),
+        source,
+    })?;
+    PENDING.with_borrow_mut(|pending| {
+        if let Some(pending) = pending.last_mut() {
+            pending.folders.push(path.to_owned());
+        }
+    });
+    Ok(())
+}
 
 /// Writes `bytes` to `path`: beside it first, then renamed over it once they are on the disk.
 ///
@@ -25,17 +88,17 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 /// # Errors
 /// As for [`write_file`].
 pub fn write_file_parts<P: AsRef<[u8]>>(path: &Path, parts: impl IntoIterator<Item = P>) -> Result<(), FileError> {
-    let failed = |source| FileError::Io { action: "write", path: path.to_owned(), source };
+    let failed = failed_to_write(path);
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(FileError::NotAFile { path: path.to_owned() }),
         Ok(found) if found.is_file() => {
             let target = fs::canonicalize(path).map_err(failed)?;
-            replace(&target, parts).map_err(failed)
+            replace(&target, parts)
         }
         Ok(_) => File::create(path).and_then(|file| write_all(file, parts)).map_err(failed),
         Err(_) => {
             existing_parent(path)?;
-            replace(path, parts).map_err(failed)
+            replace(path, parts)
         }
     }
 }
@@ -46,7 +109,7 @@ pub fn write_file_parts<P: AsRef<[u8]>>(path: &Path, parts: impl IntoIterator<It
 /// # Errors
 /// Those of [`write_file`], except for a disk that is full.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
-    let failed = |source| FileError::Io { action: "write", path: path.to_owned(), source };
+    let failed = failed_to_write(path);
     let target = match fs::metadata(path) {
         Ok(found) if found.is_dir() => return Err(FileError::NotAFile { path: path.to_owned() }),
         Ok(found) if found.is_file() => fs::canonicalize(path).map_err(failed)?,
@@ -63,13 +126,34 @@ pub(super) fn write_all<P: AsRef<[u8]>>(mut file: impl Write, parts: impl IntoIt
     parts.into_iter().try_for_each(|part| file.write_all(part.as_ref()))
 }
 
-fn replace<P: AsRef<[u8]>>(target: &Path, parts: impl IntoIterator<Item = P>) -> io::Result<()> {
-    let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
-    write_all(&mut file, parts)?;
-    file.as_file().sync_all()?;
-    unless_interrupted(|| file.persist(target).map_err(|error| error.error))?;
+/// Writes a file that gets its name at once, or at the end of the [`all_or_nothing`] that this is in.
+fn replace<P: AsRef<[u8]>>(target: &Path, parts: impl IntoIterator<Item = P>) -> Result<(), FileError> {
+    let complete = || {
+        let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
+        write_all(&mut file, parts)?;
+        file.as_file().sync_all()?;
+        Ok(file.into_temp_path())
+    };
+    let file = complete().map_err(failed_to_write(target))?;
+    let at_once = PENDING.with_borrow_mut(|pending| match pending.last_mut() {
+        Some(pending) => {
+            pending.files.push((file, target.to_owned()));
+            None
+        }
+        None => Some(file),
+    });
+    at_once.map_or(Ok(()), |file| unless_interrupted(|| persist(file, target)))
+}
+
+/// Gives a complete file its name.
+fn persist(file: TempPath, target: &Path) -> Result<(), FileError> {
+    file.persist(target).map_err(|error| failed_to_write(target)(error.error))?;
     sync_folder(parent(target));
     Ok(())
+}
+
+fn failed_to_write(path: &Path) -> impl Fn(io::Error) -> FileError + Copy {
+    move |source| FileError::Io { action: "write", path: path.to_owned(), source }
 }
 
 /// The folder in which `path` stands.
