@@ -13,8 +13,12 @@ pub enum Exit {
     Failed = 1,
     /// The command line was wrong. This is what `clap` uses too.
     WrongUse = 2,
+    /// The terminal or the connection was closed (SIGHUP): 128 and the number of the signal, as shells have it.
+    HungUp = 129,
     /// Ctrl-C (SIGINT): 128 and the number of the signal, as shells have it.
     Interrupted = 130,
+    /// Ctrl-\ (SIGQUIT): likewise.
+    Quit = 131,
     /// A request to end, such as `kill`, a batch system's time limit or a shutdown makes (SIGTERM): likewise.
     Terminated = 143,
 }
@@ -23,9 +27,12 @@ pub enum Exit {
 pub(super) const STATUS: &str = "\
 Exit status:
   0    done
-  1    failed: the report on standard error says what is wrong, and what to do
+  1    failed: the report on standard error says what is wrong, and what to do;
+       what stood in the place of a file to be written stays
   2    wrong use of the command line
+  129  ended by SIGHUP, as of a closed terminal; nothing half-written is left
   130  interrupted by Ctrl-C; nothing half-written is left
+  131  ended by SIGQUIT; nothing half-written is left
   143  ended by SIGTERM, as `kill` sends it; nothing half-written is left";
 
 impl Exit {

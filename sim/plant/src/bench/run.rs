@@ -69,17 +69,19 @@ pub fn run_on(
         progress(Progress { done, total });
     };
     let finished = Mutex::new(Vec::with_capacity(jobs.len()));
-    thread::scope(|scope| {
-        for _ in 0..threads.get().min(jobs.len()) {
-            scope.spawn(|| {
-                while let Some((index, job)) =
-                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, jobs.get(i)?)))
-                {
-                    let record = job.run(job.filter(), &report);
-                    finished.lock().expect("no thread panics while it holds the lock").push((index, record));
-                }
-            });
+    let work = || {
+        while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, jobs.get(i)?)))
+        {
+            let record = job.run(job.filter(), &report);
+            finished.lock().expect("no thread panics while it holds the lock").push((index, record));
         }
+    };
+    thread::scope(|scope| {
+        for _ in 1..threads.get().min(jobs.len()) {
+            // Where the system has no thread left, those that there are do the work.
+            let _ = thread::Builder::new().spawn_scoped(scope, work);
+        }
+        work();
     });
     let mut finished = finished.into_inner().expect("no thread panics while it holds the lock");
     finished.sort_by_key(|(index, _)| *index);
