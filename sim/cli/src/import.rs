@@ -8,6 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use miette::{Diagnostic as _, miette};
 use rotorlead_identify::Finding;
 use rotorlead_identify::check::of_record;
+use rotorlead_records::files::FileError;
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
@@ -99,7 +100,7 @@ impl Import {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.check()?;
-        let is_added = self.append && Experiment::is_at(&self.out);
+        let mut is_added = self.append && Experiment::is_at(&self.out);
         if !self.append && Experiment::is_at(&self.out) {
             let help = "--append adds to the experiment in it; or give another folder: nothing is overwritten";
             return Err(miette!(help = help, "the folder `{}` exists and is not empty", self.out.display()));
@@ -124,12 +125,17 @@ impl Import {
         let whole = experiment.records.iter().filter(|_| !self.no_command);
         let of_each = whole.flat_map(|record| of_record(&experiment, record, false));
         let findings: Vec<Finding> = of_each.filter(Finding::is_grave).collect();
+        if !is_added && self.no_command {
+            experiment.write_responses(&self.out)?;
+        } else if !is_added {
+            match experiment.write(&self.out) {
+                // Another one that is to be added was faster to make the folder.
+                Err(FileError::FolderInUse { .. }) if self.append && Experiment::is_at(&self.out) => is_added = true,
+                written => written?,
+            }
+        }
         if is_added {
             experiment.with_rates_of(&self.out)?.append_to(&self.out)?;
-        } else if self.no_command {
-            experiment.write_responses(&self.out)?;
-        } else {
-            experiment.write(&self.out)?;
         }
         bar.finish_and_clear();
         let mut text = summaries.iter().map(describe).collect::<Vec<_>>().join("\n");

@@ -1,6 +1,6 @@
 //! More records for an experiment that is on disk already.
 
-use std::fs;
+use std::fs::File;
 use std::path::Path;
 
 use serde::Serialize;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Experiment;
 use super::manifest::{Entry, MANIFEST, Manifest, place};
 use super::write::csv_parts;
-use crate::files::{FileError, Place, TextFile, TomlFile, to_toml, write_file, write_file_parts};
+use crate::files::{FileError, Place, TextFile, TomlFile, all_or_nothing, to_toml, write_file, write_file_parts};
 
 /// What is added to the text of `experiment.toml`.
 #[derive(Serialize)]
@@ -68,11 +68,14 @@ impl Experiment {
     /// Adds this experiment's records to the one in `folder`: their CSV files first, then one new `experiment.toml` in
     /// place of the old one, whose text stays as it is and is only added to. A record that is described there already, and
     /// whose file has not been there, keeps its description. Whatever fails, the experiment is the old one or the new one.
+    /// Several that add at once do so one after the other.
     ///
     /// # Errors
     /// Those of [`Experiment::check_appendable`] and of [`Experiment::write`]; a file of the same name; a description of
     /// something else; a file of a compensator that is not there.
     pub fn append_to(&self, folder: &Path) -> Result<(), FileError> {
+        // Until the end: what others add meanwhile would not be in the new description.
+        let _lock = lock(folder);
         self.check_appendable(folder)?;
         let path = folder.join(MANIFEST);
         let refused = |path: &Path, fault| FileError::refused(path, fault);
@@ -111,19 +114,23 @@ impl Experiment {
                 return Err(refused(&folder.join(name), fault));
             }
         }
-        let write = || {
+        // The description last: what it names is there.
+        all_or_nothing(|| {
             for record in &self.records {
                 write_file_parts(&folder.join(&record.file), csv_parts(record))?;
             }
             text.as_ref().map_or(Ok(()), |text| write_file(&path, text.as_bytes()))
-        };
-        write().inspect_err(|_| {
-            for record in &self.records {
-                // They were not there before; one that cannot be removed is named nowhere, or as one that is still to come.
-                let _ = fs::remove_file(folder.join(&record.file));
-            }
         })
     }
+}
+
+/// Waits until nobody else adds to the experiment in `folder`, and keeps others waiting until it is dropped. Not where the system
+/// has no locks of folders, as Windows and some network drives.
+fn lock(folder: &Path) -> Option<File> {
+    // Not of the description, which is another file each time.
+    let folder = File::open(folder).ok()?;
+    folder.lock().ok()?;
+    Some(folder)
 }
 
 /// The text of `experiment.toml` with records at its end.
@@ -133,6 +140,8 @@ fn added(text: &str, addition: &Addition) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::{fs, thread};
+
     use super::*;
     use crate::files::testing::{Scratch, assert_report};
     use crate::{Excitation, Output, Record};
@@ -178,6 +187,21 @@ mod tests {
         assert!(fs::read_to_string(&path).unwrap().starts_with(&noted));
         let read = Experiment::read(&folder).unwrap();
         assert_eq!(read.records, [first.records, second.records].concat());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn records_that_are_added_at_once_are_all_kept() {
+        let scratch = Scratch::new();
+        let folder = scratch.path().join("stand");
+        experiment("first.csv", 0.4).write(&folder).unwrap();
+        thread::scope(|scope| {
+            for number in 0..8 {
+                let (added, folder) = (experiment(&format!("{number}.csv"), 0.5), &folder);
+                scope.spawn(move || added.append_to(folder).unwrap());
+            }
+        });
+        assert_eq!(Experiment::read(&folder).unwrap().records.len(), 9);
     }
 
     #[test]
