@@ -2,6 +2,7 @@
 
 use miette::Diagnostic;
 use rotorlead::link::{Refusal, VERSION};
+use rotorlead::settings::SettingsError;
 use thiserror::Error;
 
 /// Why a controller did not do what was asked.
@@ -62,6 +63,13 @@ pub enum DeviceError {
     Unexpected {
         /// What was asked.
         request: &'static str,
+    },
+    /// The controller says that it runs with settings with which it could not.
+    #[error("the controller's settings are none that it could run with: {error}")]
+    #[diagnostic(help("flash the firmware that belongs to this program, or find out what disturbs the line"))]
+    Impossible {
+        /// The first that is wrong.
+        error: SettingsError,
     },
     /// Samples of a recording did not arrive.
     #[error("{missing} samples are missing at tick {tick} of the recording")]

@@ -40,9 +40,12 @@ impl Recording {
     ///
     /// # Errors
     /// [`DeviceError::SamplesLost`] when it does not follow on the last one: a record with a gap is no record.
+    /// [`DeviceError::Unexpected`] when it holds nothing, with which a recording would never end, or is of another rate.
     pub fn append(&mut self, frame: &Frame) -> Result<(), DeviceError> {
         let columns = [&frame.input, &frame.before, &frame.after, &frame.adc, &frame.turn_us];
-        if columns.iter().any(|column| column.len() != frame.before.len()) || frame.divisor == 0 {
+        let is_whole = frame.divisor > 0 && !frame.before.is_empty();
+        let is_of_this = self.rows() == 0 || self.divisor == u32::from(frame.divisor);
+        if !is_whole || !is_of_this || columns.iter().any(|column| column.len() != frame.before.len()) {
             return Err(DeviceError::Unexpected { request: "record" });
         }
         self.divisor = u32::from(frame.divisor);

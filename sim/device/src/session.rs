@@ -54,10 +54,13 @@ impl Session {
     /// The settings in use.
     ///
     /// # Errors
-    /// [`DeviceError`].
+    /// [`DeviceError`]; [`DeviceError::Impossible`] where no controller could run with them.
     pub fn settings(&mut self) -> Result<Settings, DeviceError> {
         match self.ask("get", &Request::GetSettings)? {
-            Message::Settings(settings) => Ok(settings),
+            Message::Settings(settings) => match settings.clone().validate() {
+                Ok(_) => Ok(settings),
+                Err(error) => Err(DeviceError::Impossible { error }),
+            },
             _ => Err(DeviceError::Unexpected { request: "get" }),
         }
     }

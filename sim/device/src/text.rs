@@ -137,7 +137,7 @@ impl<'a> Value<'a> {
     fn show(&self) -> String {
         match self {
             Self::Rate(value) => value.to_string(),
-            Self::Number(value) => value.to_string(),
+            Self::Number(value) => number_text(**value),
             Self::Count(value) => value.to_string(),
             Self::Level(bits) => level_text(**bits),
             Self::OptionalLevel(bits) => bits.map_or_else(|| NONE.to_owned(), level_text),
@@ -186,11 +186,17 @@ const NONE: &str = "none";
 /// The form of time constants.
 pub const CURVE: &str = "COMMAND:SECONDS,...";
 
+/// A number as short as it reads back the same.
+fn number_text(value: f64) -> String {
+    let (plain, scientific) = (value.to_string(), format!("{value:e}"));
+    if scientific.len() < plain.len() { scientific } else { plain }
+}
+
 /// A level as a number that reads back the same, with as few decimals as do; ten resolve 2^-29.
 fn level_text(bits: i32) -> String {
     let value = Throttle::from_bits(bits).to_f64();
     let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
-    shown.into_iter().find(|text| read_level(text) == Some(bits)).unwrap_or_else(|| value.to_string())
+    shown.into_iter().find(|text| read_level(text) == Some(bits)).unwrap_or_else(|| number_text(value))
 }
 
 /// The bits of a command from 0 to 1.
@@ -237,4 +243,19 @@ fn choose<T: Copy>(names: &[(&str, T)], place: &mut T, text: &str) -> Result<(),
     };
     *place = *value;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_as_short_as_it_reads_back() {
+        for (value, text) in
+            [(0.5, "0.5"), (20.0, "20"), (-5.0 * f64::powi(2.0, -29), "-9.313225746154785e-9"), (1e300, "1e300")]
+        {
+            assert_eq!(number_text(value), text);
+            assert_eq!(text.parse(), Ok(value));
+        }
+    }
 }

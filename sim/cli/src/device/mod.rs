@@ -15,7 +15,7 @@ use clap::{Args, Subcommand};
 use miette::IntoDiagnostic as _;
 use rotorlead::controller::FilterError;
 use rotorlead::design::{CurvePoint, InverseError, LeadDesign};
-use rotorlead::link::{BrownOut, CrystalCheck, Info};
+use rotorlead::link::{BrownOut, CrystalCheck, Info, ResetReason};
 use rotorlead::settings::{CompensatorKind, MOTORS, Settings};
 use rotorlead::throttle::Throttle;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
@@ -35,12 +35,22 @@ pub struct Device {
     #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD)]
     baud: u32,
     /// How long an answer is waited for, seconds
-    #[arg(long, value_name = "S", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "S", default_value = "1", value_parser = timeout)]
     timeout: f64,
     #[command(subcommand)]
     action: Action,
     #[command(flatten)]
     json: JsonOption,
+}
+
+/// Longest that an answer may be waited for, seconds: a day.
+const LONGEST_TIMEOUT_S: f64 = 86_400.0;
+
+fn timeout(text: &str) -> Result<f64, String> {
+    positive(text)
+        .ok()
+        .filter(|seconds| *seconds <= LONGEST_TIMEOUT_S)
+        .ok_or_else(|| format!("seconds above zero are needed, and at most {LONGEST_TIMEOUT_S}, a day"))
 }
 
 #[derive(Debug, Subcommand)]
@@ -86,7 +96,7 @@ impl Device {
     pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(self.action.out())?;
         let (outcome, verdict) = self.run()?;
-        self.json.say(outcome, verbosity)?;
+        self.json.say(|| Ok(outcome), verbosity)?;
         verdict
     }
 
@@ -181,7 +191,7 @@ fn state_lines(info: &Info) -> [String; 6] {
     };
     [
         format!("{crystal}; {arming}"),
-        format!("started by {:?}{}", info.reset, resumed(info)),
+        format!("started by {}{}", started_by(info.reset), resumed(info)),
         brown_out,
         format!("settings {:?}", info.settings),
         outputs,
@@ -292,6 +302,18 @@ fn bench_frame_hz(settings: &Settings) -> f64 {
     ticks.map_or(own, |ticks| f64::from(settings.loop_rate_hz) / f64::from(ticks))
 }
 
+/// Why a controller started.
+fn started_by(reason: ResetReason) -> String {
+    match reason {
+        ResetReason::Panic(place) => format!("Panic at {place}"),
+        ResetReason::Fault { program_counter, status } => {
+            format!("Fault at {program_counter:#010x}, status {status:#010x}")
+        }
+        ResetReason::StrayInterrupt(number) => format!("StrayInterrupt {number}"),
+        reason => format!("{reason:?}"),
+    }
+}
+
 /// The motors that have gone on after the reset, if any.
 fn resumed(info: &Info) -> String {
     let motors: Vec<String> = (0..MOTORS).filter(|&motor| info.resumed[motor]).map(|motor| motor.to_string()).collect();
@@ -308,7 +330,7 @@ fn own_help(cause: &DeviceError) -> String {
 
 #[cfg(test)]
 mod tests {
-    use rotorlead::link::{ChannelState, Clock, ResetReason};
+    use rotorlead::link::{ChannelState, Clock};
     use rotorlead::settings::Origin;
 
     use super::*;
