@@ -13,7 +13,7 @@ use toml::{Table, Value};
 
 use crate::argument::{Given, read};
 use crate::error::refused;
-use crate::value::{to_dict, to_table};
+use crate::value::{check_whole, to_dict, to_table};
 
 /// Columns of a record, as the header of its CSV file names them.
 const COLUMNS: [&str; 7] = ["time_s", "command", "thrust_n", "rpm", "esc_command", "voltage_v", "current_a"];
@@ -127,15 +127,30 @@ fn columns_of(record: &Bound<PyMapping>) -> PyResult<Columns> {
     let mut columns = Vec::new();
     for name in COLUMNS {
         let Some(values) = record.get_item(name).ok().filter(|values| !values.is_none()) else { continue };
-        let values: PyArrayLike1<f64, AllowTypeChange> = values.extract().map_err(|_| {
+        check_whole(name, &values)?;
+        let values = column(&values).ok_or_else(|| {
             let place = Place::root().key(name);
             refused(
                 &place.fault("this is no column of numbers", "give a one-dimensional array, one number for each row"),
             )
         })?;
-        columns.push((name, values.as_array().to_vec()));
+        columns.push((name, values));
     }
     Ok(columns)
+}
+
+/// Kinds of NumPy's types that are numbers as they are: texts, dates and flags would be made such, and lose what they mean.
+const NUMBERS: &str = "iufO";
+
+/// The numbers of an array, or of what makes one.
+fn column(values: &Bound<PyAny>) -> Option<Vec<f64>> {
+    let array = values.py().import("numpy").ok()?.call_method1("asarray", (values,)).ok()?;
+    let kind: String = array.getattr("dtype").ok()?.getattr("kind").ok()?.extract().ok()?;
+    if !NUMBERS.contains(&kind) {
+        return None;
+    }
+    let array: PyArrayLike1<f64, AllowTypeChange> = array.extract().ok()?;
+    Some(array.as_array().to_vec())
 }
 
 fn fill(record: &mut Record, name: &str, values: Vec<f64>) {

@@ -1,5 +1,6 @@
 """What cannot be used raises `rotorlead.Error`, with the words of the command line."""
 
+import itertools
 import pathlib
 
 import numpy as np
@@ -71,6 +72,16 @@ class Errors(Stand):
             (["`time_s`: too few rows: 1"], record(time_s=[0], command=[0], thrust_n=[0])),
             (["`thrust_n`: this is no column of numbers"], record(thrust_n=np.zeros((3, 2)))),
             (["`thrust_n`: this is no column of numbers"], record(thrust_n="1, 2, 3")),
+            (["`thrust_n`: this is no column of numbers"], record(thrust_n=["1", "2", "3"])),
+            (["`thrust_n`: this is no column of numbers"], record(thrust_n=np.array([1, 2, 3], "m8[s]"))),
+            (["`thrust_n`: this is no column of numbers"], record(thrust_n=np.array([True, False, True]))),
+            (["`thrust_n`: this is no column of numbers"], record(thrust_n=[[1, 2], [3]])),
+            (["`thrust_n`: this is no column of numbers"], record(thrust_n=[1, 2j, 3])),
+            (["`thrust_n`: these are complex numbers"], record(thrust_n=np.array([1, 2, 3 + 1j]))),
+            (["`thrust_n`: values are masked"], record(thrust_n=np.ma.array([1.0, 2, 3], mask=[0, 1, 0]))),
+            (["`nominal`: these are complex numbers"], record(nominal=np.complex128(0.1 + 1j))),
+            (["`nominal`: values are masked"], record(nominal=np.ma.masked)),
+            (["`time_s`: too few rows: 0"], record(time_s=[], command=[], thrust_n=np.array([]))),
             (["missing field `nominal`", "add `nominal`"], record(nominal=...)),
             (["unknown field `excitatoin`", "did you mean `excitation`?"], record(excitation=..., excitatoin="step")),
             (["unknown variant `stpe`", "did you mean `step`?"], record(excitation="stpe")),
@@ -83,6 +94,25 @@ class Errors(Stand):
             for function in (rotorlead.identify, rotorlead.diagnose):
                 with self.subTest(parts):
                     self.assert_refused(parts, function, given)
+
+    def test_columns_are_taken_as_they_lie_in_memory(self):
+        real = rotorlead.simulate("model.toml", "plan.toml")
+        turned = {**real, "records": [dict(record) for record in real["records"]]}
+        for record in turned["records"]:
+            for name in ("time_s", "command", "thrust_n"):
+                both = np.ma.array(np.column_stack([record[name], record[name] + 1]))
+                record[name] = both[::-1, 0][::-1]
+        self.assert_same(rotorlead.identify(turned), rotorlead.identify(real))
+
+    def test_what_holds_itself_has_too_many_levels(self):
+        own_dict, own_list, deep = {}, [], {}
+        own_dict["name"] = own_dict
+        own_list.append(own_list)
+        for _ in range(20_000):
+            deep = {"name": deep}
+        for given in (own_dict, {"name": own_list}, deep):
+            for function in (rotorlead.identify, rotorlead.diagnose, rotorlead.design, rotorlead.simulate):
+                self.assert_refused(["`name`: more than 16 dicts and lists"], function, given)
 
     def test_options(self):
         self.assert_refused(["`delay`: `often` is not known", "auto, none, fit"], rotorlead.identify, "sim", delay="often")
@@ -112,3 +142,5 @@ class Errors(Stand):
                 function(3)
         with self.assertRaisesRegex(TypeError, "`point` is of the type object"):
             rotorlead.design({"point": object()})
+        with self.assertRaisesRegex(TypeError, "`point` is of the type count"):
+            rotorlead.design({"point": itertools.count()})

@@ -1,13 +1,21 @@
 """How the functions share a process: with other threads, and with Ctrl-C."""
 
+import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
+import unittest
 from concurrent.futures import ThreadPoolExecutor
 
 import rotorlead
 from stand import Stand
+
+
+def headline(folder):
+    return rotorlead.identify(folder)["headline"]
 
 
 class Process(Stand):
@@ -41,6 +49,19 @@ class Process(Stand):
             beside = list(pool.map(lambda seed: rotorlead.simulate("motor.toml", "plan.toml", seed=seed), range(4)))
         for one, other in zip(alone, beside):
             self.assert_same(rotorlead.identify(one), rotorlead.identify(other))
+
+    @unittest.skipUnless("fork" in multiprocessing.get_all_start_methods(), "this system does not fork")
+    def test_processes_that_are_forked_after_a_call_compute_too(self):
+        alone = headline("sim")
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            self.assertEqual(pool.map_async(headline, ["sim"] * 2).get(timeout=120), [alone] * 2)
+
+    def test_a_system_without_threads_to_give_raises_an_exception(self):
+        code = "import rotorlead\ntry: rotorlead.identify('sim')\nexcept Exception as error: print(type(error).__name__, error)"
+        # Each thread asks for room that there is not.
+        environment = {**os.environ, "RUST_MIN_STACK": "1000000000000000"}
+        ended = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+        self.assertIn("OSError no thread can be started", ended.stdout, ended.stderr)
 
     def test_ctrl_c_is_answered_at_once(self):
         # What is started in the background may have been told to ignore it.
