@@ -3,7 +3,7 @@
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::exceptions::PyValueError;
 use pyo3::{PyErr, create_exception};
-use rotorlead_records::files::Fault;
+use rotorlead_records::files::{Fault, PrintableReport, printable};
 
 create_exception!(
     rotorlead,
@@ -19,13 +19,13 @@ pub fn raised(report: &miette::Report) -> PyErr {
 
 /// The exception of a value that breaks a rule.
 pub fn refused(fault: &Fault) -> PyErr {
-    Error::new_err(format!("{fault}\n  help: {}", fault.help))
+    Error::new_err(printable(&format!("{fault}\n  help: {}", fault.help)).into_owned())
 }
 
 /// Lines as long as they are: what reads them may search them.
 fn words(diagnostic: &dyn Diagnostic) -> String {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_wrap_lines(false);
     let mut text = String::new();
-    handler.render_report(&mut text, diagnostic).expect("a string takes all");
+    handler.render_report(&mut text, &PrintableReport::of(diagnostic)).expect("a string takes all");
     text.trim_start_matches([' ', '×']).trim_end().to_owned()
 }

@@ -6,6 +6,7 @@ mod device;
 mod diagnose;
 mod diagnose_bandwidths;
 mod docs;
+mod escapes;
 mod export;
 mod fleet;
 mod gallery;

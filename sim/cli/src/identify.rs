@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_identify::stand::StandModel;
 use rotorlead_identify::steps::LawComparison;
 use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
-use rotorlead_records::files::check_writable;
+use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::{Experiment, Output};
 use rotorlead_report::{Report, Section, Table, excitation_section, identification_section, identification_tables};
 use rotorlead_results::{IdentifyResult, transform};
@@ -117,7 +117,7 @@ impl Identify {
             let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
             // How the logs were merged may say why nothing comes of them.
             let found = IdentifyResult::of(&aligned.experiment, &options)
-                .inspect_err(|_| eprint!("{}", aligned.text))
+                .inspect_err(|_| eprint!("{}", printable(&aligned.text)))
                 .map_err(refused)
                 .wrap_err_with(nothing)?;
             Ok((aligned, found))

@@ -38,10 +38,13 @@ mod validate;
 mod vehicle;
 mod wrong_use;
 
+use std::borrow::Cow;
 use std::io::{Write as _, stdout};
 use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+
+use rotorlead_records::files::printable;
 
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
@@ -110,10 +113,10 @@ impl Arguments {
                 outcome::printed(asked.print().and_then(|()| stdout().flush()))?;
                 std::process::exit(Exit::Done.status().into());
             }
-            Err(wrong) => wrong.exit(),
+            Err(wrong) => refuse(&wrong),
         };
         overwrite_guard::check(&command_line(), &matches)?;
-        Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+        Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| refuse(&error)))
     }
 
     /// Runs the command that was asked for and prints what it says.
@@ -155,6 +158,16 @@ impl Arguments {
             Command::Man(command) => command.run(),
         }
     }
+}
+
+/// Ends the program with what is wrong with the command line. Where that quotes what a terminal would obey, it is said without colors.
+fn refuse(wrong: &clap::Error) -> ! {
+    let plain = std::env::args_os().any(|argument| matches!(printable(&argument.to_string_lossy()), Cow::Owned(_)));
+    if plain {
+        eprint!("{}", printable(&wrong.render().to_string()));
+        std::process::exit(wrong.exit_code());
+    }
+    wrong.exit()
 }
 
 /// The command line with its commands; the long help of each says how it ends.

@@ -4,13 +4,13 @@ use std::io::{IsTerminal as _, Write as _, stderr};
 use std::process::ExitCode;
 
 use miette::{MietteHandler, MietteHandlerOpts};
-use rotorlead_records::files::remove_unfinished;
+use rotorlead_records::files::{PrintableReports, remove_unfinished};
 use textwrap::{WordSeparator, WordSplitter};
 
 use rotorlead_cli::{Arguments, Exit};
 
 fn main() -> ExitCode {
-    miette::set_hook(Box::new(|_| Box::new(reports()))).expect("nothing has set another one before");
+    miette::set_hook(Box::new(|_| Box::new(PrintableReports(reports())))).expect("nothing has set another one before");
     clean_up_when_interrupted();
     work_alone_where_no_thread_can_start();
     let result = Arguments::of_command_line().and_then(Arguments::run);

@@ -7,7 +7,9 @@ use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
-use rotorlead_records::files::{FileError, OutputFolder, all_or_nothing, check_writable, write_file};
+use rotorlead_records::files::{
+    FileError, OutputFolder, all_or_nothing, check_writable, is_order, printable, write_file,
+};
 use serde::Serialize;
 use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
@@ -66,7 +68,16 @@ impl Outcome {
     }
 
     fn json_text(&self) -> String {
-        format!("{:#}\n", self.json)
+        // JSON itself asks for that of the first 32 controls alone.
+        let text = format!("{:#}\n", self.json);
+        if !text.contains(is_order) {
+            return text;
+        }
+        let escaped = |character: char| match character {
+            order if is_order(order) => format!("\\u{:04x}", u32::from(order)),
+            sign => sign.to_string(),
+        };
+        text.chars().map(escaped).collect()
     }
 }
 
@@ -169,7 +180,7 @@ const REMARKS: [(&str, AnsiColor); 4] = [
 /// Prints `text`, where there are colors with them. A reader that has seen enough, such as `head`, is no failure.
 fn print(text: &str) -> miette::Result<()> {
     let mut stdout = AutoStream::auto(io::stdout().lock());
-    printed(stdout.write_all(painted(text).as_bytes()).and_then(|()| stdout.flush()))
+    printed(stdout.write_all(painted(&printable(text)).as_bytes()).and_then(|()| stdout.flush()))
 }
 
 /// The text with the words in color that remarks begin with.

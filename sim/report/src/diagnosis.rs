@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use rotorlead_diagnose::{Diagnosis, Excess, MapCell};
 
+use super::escape::field;
 use super::figure::{Axis, Cell, Color, Figure, FigureKind, HeatMap, Mark, Panel, Series};
 use super::unit::unit;
 
@@ -127,7 +128,15 @@ fn gaps(found: &Diagnosis) -> Option<Figure> {
     let mut csv = String::from("file,nominal,before,after,noise_floor\n");
     for record in records {
         let gap = record.gap;
-        let _ = writeln!(csv, "{},{},{},{},{}", record.file, record.nominal, gap.before, gap.after, gap.noise_floor);
+        let _ = writeln!(
+            csv,
+            "{},{},{},{},{}",
+            field(&record.file),
+            record.nominal,
+            gap.before,
+            gap.after,
+            gap.noise_floor
+        );
     }
     let all = || records.iter().flat_map(|record| [record.gap.before, record.gap.after, record.gap.noise_floor]);
     let low = 100.0 * all().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);

@@ -7,6 +7,7 @@ mod catalog;
 mod compensation;
 mod diagnosis;
 mod distortion;
+mod escape;
 mod etfe;
 mod excitation;
 mod figure;

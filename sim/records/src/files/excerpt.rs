@@ -1,9 +1,12 @@
 //! A part of a file, for errors that show the place with the line numbers of the whole.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
 use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
+
+use super::printable::printable_in_place;
 
 /// A line of more bytes is shown in part.
 const LONGEST_LINE: usize = 160;
@@ -21,6 +24,11 @@ impl Excerpt {
     /// `text`, which follows so many lines of its file.
     #[must_use]
     pub fn new(text: Arc<String>, lines_before: usize) -> Self {
+        // Shown, and nothing else.
+        let text = match printable_in_place(&text) {
+            Cow::Borrowed(_) => text,
+            Cow::Owned(printable) => Arc::new(printable),
+        };
         Self { text, lines_before }
     }
 

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Figure, Panel, Scale};
+use crate::escape::field;
 
 impl Figure {
     /// The numbers: those that the figure brings, or each point that is drawn with its series, its units, its band and its note.
@@ -21,17 +22,17 @@ impl Figure {
 
 impl Panel {
     fn write_csv(&self, number: usize, csv: &mut String) {
-        let [x_is, y_is] = [&self.x, &self.y].map(|axis| quoted(&axis.title()));
+        let [x_is, y_is] = [&self.x, &self.y].map(|axis| field(&axis.title()));
         for series in &self.series {
             for (index, (x, y)) in series.points.iter().enumerate() {
                 let (low, high) =
                     series.band.get(index).map_or_else(Default::default, |(low, high)| (text(*low), text(*high)));
                 let note = match (&self.y.scale, series.notes.get(index)) {
-                    (_, Some(note)) => quoted(note),
-                    (Scale::Names(names), None) => quoted(names.get(*y as usize).map_or("", String::as_str)),
+                    (_, Some(note)) => field(note),
+                    (Scale::Names(names), None) => field(names.get(*y as usize).map_or("", String::as_str)),
                     _ => String::new(),
                 };
-                let name = quoted(&series.name);
+                let name = field(&series.name);
                 let _ = writeln!(csv, "{number},{name},{},{x_is},{},{y_is},{low},{high},{note}", text(*x), text(*y));
             }
         }
@@ -41,11 +42,6 @@ impl Panel {
 /// A number as it is; nothing where there is none.
 fn text(value: f64) -> String {
     if value.is_finite() { value.to_string() } else { String::new() }
-}
-
-/// A text as one field.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
 }
 
 #[cfg(test)]

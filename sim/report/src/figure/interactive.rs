@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::extent::Extent;
 use super::ticks::ticks;
 use super::{Axis, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
+use crate::escape::markup;
 
 /// Significant digits of what is drawn: a screen has no more.
 const DIGITS: usize = 6;
@@ -175,7 +176,7 @@ impl Series {
     fn reading(&self, panel: &Panel) -> String {
         let note = if self.notes.is_empty() { "" } else { "%{text}<br>" };
         let (x, y) = (panel.x.reading("x"), panel.y.reading("y"));
-        format!("{note}<b>{}</b><br>{x}{y}<extra></extra>", escaped(&self.name))
+        format!("{note}<b>{}</b><br>{x}{y}<extra></extra>", markup(&self.name))
     }
 
     fn rgba(&self, opacity: f64) -> String {
@@ -227,7 +228,7 @@ impl HeatMap {
             _ => "",
         };
         let (from, to, value) = (rounded(from, 3), rounded(to, 3), rounded(value, 3));
-        format!("{} {}<br>{from} to {to} {}<br>{}: {value}", panel.y.label, escaped(name), panel.x.unit, self.label)
+        format!("{} {}<br>{from} to {to} {}<br>{}: {value}", panel.y.label, markup(name), panel.x.unit, self.label)
     }
 
     fn scale(&self) -> Vec<(f64, String)> {
@@ -260,11 +261,6 @@ fn rounded(value: f64, digits: usize) -> f64 {
     }
     // Through text: a power of ten below one is not exact.
     format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
-}
-
-/// A text as plotly.js takes it, which knows some elements of HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// The source of plotly.js: the bundle for plane figures.

@@ -1,6 +1,7 @@
 //! A figure as SVG.
 
 use plotters::prelude::SVGBackend;
+use rotorlead_records::files::printable;
 
 use super::drawing::PX;
 use super::{Figure, FigureError};
@@ -15,7 +16,8 @@ impl Figure {
         let mut svg = String::new();
         self.draw(SVGBackend::with_string(&mut svg, (width, height)))?;
         let size = |width: u32, height: u32| format!("<svg width=\"{width}\" height=\"{height}\"");
-        Ok(svg.replacen(&size(width, height), &size(width / PX, height / PX), 1))
+        // What XML does not allow; markup is escaped by what draws.
+        Ok(printable(&svg).replacen(&size(width, height), &size(width / PX, height / PX), 1))
     }
 }
 

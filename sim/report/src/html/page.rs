@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::swatch::swatch;
 use super::{Fact, Report, Section, Table, Verdict};
+use crate::escape::markup;
 use crate::figure::interactive::{LIBRARY, LICENSE};
 use crate::figure::{Figure, FigureError, Panel};
 
@@ -98,7 +99,7 @@ impl<'a> DrawnFigure<'a> {
 
 /// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
 fn words(sentence: &str) -> String {
-    let escaped = escaped(sentence).replace("+-", "±");
+    let escaped = markup(sentence).replace("+-", "±");
     let mut parts = escaped.split('`');
     let mut html = whole_options(parts.next().unwrap_or_default());
     while let Some(code) = parts.next() {
@@ -111,13 +112,9 @@ fn words(sentence: &str) -> String {
     html
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 /// A command line as HTML.
 fn command_line(command: &str) -> String {
-    whole_options(&escaped(command))
+    whole_options(&markup(command))
 }
 
 /// The hyphens of an option are no places to break it at.

@@ -2,6 +2,8 @@
 
 mod text;
 
+use crate::escape;
+
 /// A table with a heading for each column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
@@ -104,7 +106,7 @@ impl Table {
         let header = self.columns.iter().map(|column| column.name.to_owned()).collect();
         let cell = |(cell, is_number): (&Cell, &bool)| match cell.value {
             Some(value) if value.is_finite() => value.to_string(),
-            None if !is_number => cell.text.clone(),
+            None if !is_number => escape::cell(&cell.text).into_owned(),
             _ => String::new(),
         };
         let rows = self.rows.iter().map(|row| row.iter().zip(&numeric).map(cell).collect());
