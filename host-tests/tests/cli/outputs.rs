@@ -98,7 +98,7 @@ fn a_command_that_finds_no_room_leaves_all_outputs_as_they_were() {
         assert!(report.contains("cannot write"), "{report}");
         let names = |all: Vec<(std::path::PathBuf, _)>| all.into_iter().map(|(path, _)| path).collect::<Vec<_>>();
         let after = stand.everything();
-        assert_eq!(after == before, true, "`{arguments}` leaves {:?}", names(after));
+        assert!(after == before, "`{arguments}` leaves {:?}", names(after));
     }
 }
 
