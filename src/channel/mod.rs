@@ -462,7 +462,8 @@ impl Channel {
     }
 
     /// The channel that follows one which was at rest for so many ticks.
-    pub(crate) const fn at_rest_for(mut self, ticks: u32) -> Self {
+    #[must_use]
+    pub const fn at_rest_for(mut self, ticks: u32) -> Self {
         self.rest_ticks = ticks;
         self
     }

@@ -48,7 +48,7 @@ fn every_command_refuses_an_unknown_option_as_wrong_use() {
 fn help_says_what_every_command_does() {
     let stand = Stand::new();
     let overview = stand.run("--help");
-    assert!(overview.contains("Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted, 143 terminated."));
+    assert!(overview.contains("Exit status: 0 done, 1 failed, 2 wrong use, 129 hung up, 130 interrupted,"));
     for command in commands() {
         let help = stand.run(&format!("{command} --help"));
         let purpose = flowing(help.split("\n\n").next().unwrap());
