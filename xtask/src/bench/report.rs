@@ -27,7 +27,7 @@ const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
 /// A tick of four motors with leads that have no slew limit. Of these some 20 tell a lead with a slew limit from one without, some 10 keep what
 /// a flight needs over a reset, and some 10 are the measured rate and the debounce of the inputs: 1 % of a tick at 5 kHz and 168 MHz.
-const MOST_INSTRUCTIONS_TICK: u32 = 700;
+const MOST_INSTRUCTIONS_TICK: u32 = 710;
 /// The same with a slew limit in each lead, which limits some outputs: 9 instructions more for each lead, and 17 for each that it limits.
 const MOST_INSTRUCTIONS_TICK_SLEW: u32 = 740;
 /// Of a filter that has the limits of its output in its state: a call, and a call in which a limit changes the output.
