@@ -492,7 +492,10 @@ impl Decoder {
         }
         // What comes next has another delay than what came before.
         self.line = Line::Unknown;
-        (self.fall, self.has_fall) = (now, true);
+        if !matches!(self.mode, Mode::Filtered) {
+            // Nobody has looked at the line meanwhile.
+            (self.fall, self.has_fall) = (now, true);
+        }
         (self.mode, self.polls_left) = match self.mode {
             Mode::Flooded | Mode::Masked => (Mode::Filtered, FILTERED_POLLS),
             Mode::Filtered | Mode::Open => (Mode::Open, 0),

@@ -541,3 +541,17 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
     assert!(driven.clone().count() > 900);
     driven.for_each(|(_, reading)| assert_eq!(*reading, Reading::LOST));
 }
+
+/// Of a spike that is shorter than the interrupt's latency both edges read low.
+#[test]
+fn one_spike_on_an_open_line_does_not_drive_it() {
+    let mut decoder = servo();
+    let quiet = us(500_000.0) as u32;
+    assert_eq!((0..quiet).step_by(TICKS_PER_POLL as usize).map(|now| decoder.read(now)).last(), Some(Reading::NOTHING));
+    decoder.edge(quiet, Level::Low);
+    for poll in 1..2 * FILTERED_POLLS {
+        let reading = decoder.read(quiet + u32::from(poll) * TICKS_PER_POLL as u32);
+        assert_eq!(reading, Reading::NOTHING, "at poll {poll} after the spike");
+    }
+    assert_eq!(decoder.faults().missing_edges, 1, "it is counted");
+}
