@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_records::files::{OutputFolder, Place};
-use rotorlead_results::{compensator as named_compensator, read_plan, simulation_json};
+use rotorlead_results::{read_plan, simulation_json};
 
 use crate::argument::{Given, read};
 use crate::error::refused;
@@ -35,25 +35,21 @@ pub fn simulate<'py>(
     out: Option<PathBuf>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (model, name) = model.model()?;
-    let mut folder = PathBuf::new();
     let mut refusal = format!("the paper's experiment cannot be run on `{}`", name.display());
-    let mut plan = match plan {
+    let compensator = compensator.map(|given| given.compensator()).transpose()?;
+    let (mut plan, design) = match plan {
         Some(given) => {
             let (text, file) = given.text("plan")?;
-            folder = file.parent().unwrap_or(Path::new("")).to_owned();
+            let folder = file.parent().unwrap_or(Path::new(""));
             refusal = format!("`{}` cannot be run on `{}`", file.display(), name.display());
-            read(read_plan(text, &model))?
+            read(read_plan(text, &model, folder, compensator))?
         }
-        None => Plan::paper(&model),
+        None => (Plan::paper(&model), compensator),
     };
     if let Some(seed) = seed {
         let fault = || Place::root().key("seed").fault(format!("{seed} is not in 0 to 2^63 - 1"), "give another one");
         plan.seed = i64::try_from(seed).ok().and_then(|seed| seed.try_into().ok()).ok_or_else(|| refused(&fault()))?;
     }
-    let design = match compensator {
-        Some(given) => Some(given.compensator()?),
-        None => read(named_compensator(&plan, &folder))?,
-    };
     if design.is_some() {
         plan.compensator = Some(COMPENSATOR.into());
     }

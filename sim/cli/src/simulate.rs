@@ -10,7 +10,7 @@ use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{OutputFolder, TextFile};
 use rotorlead_report::{Fact, Report, Tone, Verdict, simulation_section};
-use rotorlead_results::{compensator, read_plan, simulation_json};
+use rotorlead_results::{read_plan, simulation_json};
 
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
@@ -47,18 +47,17 @@ impl Simulate {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
         let model = Model::read(&self.model)?;
-        let mut plan = match &self.plan {
-            Some(file) => read_plan(TextFile::read(file)?, &model)?,
-            None => Plan::paper(&model),
+        let given = self.compensator.as_deref().map(CompensatorDesign::read).transpose()?;
+        let (mut plan, design) = match &self.plan {
+            Some(file) => {
+                let folder = file.parent().unwrap_or(Path::new(""));
+                read_plan(TextFile::read(file)?, &model, folder, given)?
+            }
+            None => (Plan::paper(&model), given),
         };
         if let Some(seed) = self.seed {
             plan.seed = seed;
         }
-        let folder = self.plan.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-        let design = match &self.compensator {
-            Some(file) => Some(CompensatorDesign::read(file)?),
-            None => compensator(&plan, folder)?,
-        };
         if design.is_some() {
             plan.compensator = Some(PathBuf::from("compensator.toml"));
         }

@@ -18,4 +18,4 @@ pub use identify::{IdentifyResult, IdentifyValues, transform};
 pub use latency::{latency_json, protocol_name};
 pub use lost_gain::lost_gain;
 pub use points::PointValues;
-pub use simulate::{compensator, read_plan, simulation_json};
+pub use simulate::{read_plan, simulation_json};

@@ -9,14 +9,34 @@ use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile};
 use rotorlead_records::{Excitation, Experiment};
 use serde_json::{Value, json};
 
-/// Reads a plan whose levels `model` knows.
+/// Reads a plan whose levels `model` knows, and the compensator that it names by a path that begins in `folder`, unless one is
+/// given `instead`.
 ///
 /// # Errors
-/// Those of [`Plan::read`], and where the model says nothing of a record's nominal command.
-pub fn read_plan(text: TextFile, model: &Model) -> Result<Plan, FileError> {
+/// Those of [`Plan::read`] and [`CompensatorDesign::read`], and where the model says nothing of a record's nominal command.
+pub fn read_plan(
+    text: TextFile,
+    model: &Model,
+    folder: &Path,
+    instead: Option<CompensatorDesign>,
+) -> Result<(Plan, Option<CompensatorDesign>), FileError> {
     let (plan, file) = TomlFile::parse::<Plan>(text)?;
     plan.check().and_then(|()| check_nominals(&plan, model)).map_err(|fault| file.show(&fault))?;
-    Ok(plan)
+    let compensator = match (instead, &plan.compensator) {
+        (None, Some(name)) => {
+            let path = folder.join(name);
+            if !path.is_file() {
+                let fault = Place::root().key("compensator").fault(
+                    format!("there is no file `{}`", path.display()),
+                    "correct the name, which begins in the plan's folder, or put the file there",
+                );
+                return Err(file.show(&fault));
+            }
+            Some(CompensatorDesign::read(&path)?)
+        }
+        (instead, _) => instead,
+    };
+    Ok((plan, compensator))
 }
 
 /// Refuses a nominal command of which the model says nothing.
@@ -32,14 +52,6 @@ fn check_nominals(plan: &Plan, model: &Model) -> Result<(), Fault> {
         }
     }
     Ok(())
-}
-
-/// The compensator that a plan names, by a path that begins in `folder`.
-///
-/// # Errors
-/// Those of [`CompensatorDesign::read`].
-pub fn compensator(plan: &Plan, folder: &Path) -> Result<Option<CompensatorDesign>, FileError> {
-    plan.compensator.as_ref().map(|file| CompensatorDesign::read(&folder.join(file))).transpose()
 }
 
 /// Which records there are. `seed` is that of their noise.
