@@ -130,14 +130,16 @@ impl Bandwidth {
         if let Some(warning) = &warning {
             writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
         }
+        let not_simulated = || format!("`{}` cannot be simulated", self.model.display());
         let mut stepped = None;
         if let Some(design) = design.as_ref().filter(|_| !self.steps.is_empty()) {
-            let found = steps(&model, design, esc_frame_hz, &self.steps)?;
+            let found = steps(&model, design, esc_frame_hz, &self.steps).wrap_err_with(not_simulated)?;
             writeln!(text, "\n{}", steps_table(&found).text().trim_end()).expect("a string takes all");
             stepped = Some(found);
         }
         let differing = design.as_ref().filter(|_| self.robustness);
-        let differing = differing.map(|design| Deviations::of(&model, design, esc_frame_hz)).transpose()?;
+        let differing = differing.map(|design| Deviations::of(&model, design, esc_frame_hz)).transpose();
+        let differing = differing.wrap_err_with(not_simulated)?;
         if let Some(differing) = &differing {
             writeln!(text, "\n{}", differing.table().text().trim_end()).expect("a string takes all");
         }

@@ -55,6 +55,17 @@ pub enum PlantError {
         /// What it may be.
         limit: &'static str,
     },
+    /// More work than a simulation is meant for.
+    #[error("{work} takes {ticks:.0} ticks of the loop, and {most:.0} are simulated at most")]
+    #[diagnostic(help("lower the loop's rate, or correct a time constant that is too long for a motor's"))]
+    Work {
+        /// What would be simulated.
+        work: &'static str,
+        /// Ticks that it takes.
+        ticks: f64,
+        /// Ticks that are simulated at most.
+        most: f64,
+    },
     /// A setting is missing that another one makes necessary.
     #[error("{parameter} is missing: {reason}")]
     #[diagnostic(help("add {parameter}"))]

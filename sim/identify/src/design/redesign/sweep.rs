@@ -141,9 +141,7 @@ impl Sweep<'_> {
         let rows = (periods * period_s * rate_hz).ceil() as u64;
         let ticks = (from + rows) as f64;
         if ticks > MOST_TICKS {
-            let limit =
-                "20 million or fewer: lower --loop-rate, or correct a time constant that is too long for a motor's";
-            return Err(PlantError::Setting { parameter: "ticks of a sinusoid", value: ticks, limit });
+            return Err(PlantError::Work { work: "a sinusoid", ticks, most: MOST_TICKS });
         }
         let every = ((period_s * rate_hz / ROWS_PER_PERIOD) as u64).max(1);
         let mut matrix = Matrix4::zeros();
