@@ -6,24 +6,31 @@ use std::path::{Path, PathBuf};
 use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
-use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
+use miette::Diagnostic;
 use rotorlead_records::files::{
-    FileError, OutputFolder, all_or_nothing, check_writable, is_order, printable, write_file,
+    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
 };
 use serde::Serialize;
 use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
 use thiserror::Error;
 
-/// A result with a number that is not one.
+/// A result with a number that is none, or impossible in its unit.
 #[derive(Debug, Error, Diagnostic)]
-#[error("the data lead to a number that is none: {line}")]
+#[error("the data lead to a number that cannot be: {place}")]
 #[diagnostic(help(
     "look for values in the records or the model that are far from all others; `rotorlead check` says what is odd"
 ))]
-struct NoNumber {
-    line: String,
+struct Impossible {
+    /// Where it stands, with what it is.
+    place: String,
 }
+
+/// Standard output takes no more.
+#[derive(Debug, Error, Diagnostic)]
+#[error("cannot write to standard output")]
+#[diagnostic(help("make room where it goes"))]
+struct Unprinted(#[source] io::Error);
 
 /// What came out of a command.
 #[derive(Debug)]
@@ -59,12 +66,13 @@ impl Outcome {
         Self { detail, ..self }
     }
 
-    /// Refuses a result that holds a number that is none: whatever the reason, the rest is not to be trusted either.
-    fn check(&self) -> Result<(), NoNumber> {
-        let is_none = |word: &&str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
-        let lines = self.text.lines().chain(self.detail.lines());
-        let line = lines.filter(|line| line.split_whitespace().any(|word| is_none(&word))).map(str::trim).next();
-        line.map_or(Ok(()), |line| Err(NoNumber { line: line.to_owned() }))
+    /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either. What may stand
+    /// under a key of a file may stand under that key of a result.
+    fn check(&self) -> Result<(), Impossible> {
+        let is_none = |word: &str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
+        let mut lines = self.text.lines().chain(self.detail.lines());
+        let line = lines.find(|line| line.split_whitespace().any(is_none)).map(|line| line.trim().to_owned());
+        line.or_else(|| impossible("", &self.json)).map_or(Ok(()), |place| Err(Impossible { place }))
     }
 
     fn json_text(&self) -> String {
@@ -78,6 +86,19 @@ impl Outcome {
             sign => sign.to_string(),
         };
         text.chars().map(escaped).collect()
+    }
+}
+
+/// The first number that is out of the range of its key, with that.
+fn impossible(key: &str, value: &Value) -> Option<String> {
+    match value {
+        Value::Number(number) => {
+            let refused = Quantity::of_result(key).accept(number.as_f64()?).err();
+            refused.map(|(message, _)| format!("`{key}`, {message}"))
+        }
+        Value::Array(items) => items.iter().find_map(|item| impossible(key, item)),
+        Value::Object(keys) => keys.iter().find_map(|(key, item)| impossible(key, item)),
+        Value::Null | Value::Bool(_) | Value::String(_) => None,
     }
 }
 
@@ -210,7 +231,7 @@ pub(super) fn print_bytes(bytes: &[u8]) -> miette::Result<()> {
 pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
+        printed => Ok(printed.map_err(Unprinted)?),
     }
 }
 

@@ -1,6 +1,7 @@
 //! What the rows of a record show to be wrong with it, before anything is fitted.
 
 use miette::Diagnostic;
+use rotorlead_records::files::{shown, shown_to};
 use thiserror::Error;
 
 use super::units::{CommandUnit, ResponseUnit};
@@ -66,7 +67,7 @@ pub enum RecordFault {
         factor: f64,
     },
     /// A command that is no duty.
-    #[error("{file}, row {row}: `command` runs from {low:.3} to {high:.3}, {}", unit.words())]
+    #[error("{file}, row {row}: `command` runs from {} to {}, {}", shown_to(*low, 3), shown_to(*high, 3), unit.words())]
     #[diagnostic(help("{}", unit.remedy()))]
     CommandUnit {
         /// The record.
@@ -127,7 +128,7 @@ pub enum RecordFault {
         periods: usize,
     },
     /// Another level than stated.
-    #[error("{file}: `nominal` is {nominal}, and the mean command is {mean:.3}")]
+    #[error("{file}: `nominal` is {}, and the mean command is {}", shown(*nominal), shown_to(*mean, 3))]
     #[diagnostic(help("correct `nominal` in experiment.toml: the motor is taken to run around it"))]
     OtherNominal {
         /// The record.
@@ -180,8 +181,8 @@ pub enum RecordFault {
     },
     /// Command and response in each other's column.
     #[error(
-        "{file}, row {row}: `command` runs from {low:.3} to {high:.3} and `{column}` around the nominal {nominal}: the two \
-         columns seem to be swapped"
+        "{file}, row {row}: `command` runs from {} to {} and `{column}` around the nominal {nominal}: the two \
+         columns seem to be swapped", shown_to(*low, 3), shown_to(*high, 3)
     )]
     #[diagnostic(help("swap the names `command` and `{column}` in the first line of {file}"))]
     Swapped {

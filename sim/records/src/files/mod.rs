@@ -35,7 +35,7 @@ pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
 pub use printable::{PrintableReport, PrintableReports, is_order, printable};
-pub use quantity::{Quantity, shown};
+pub use quantity::{Quantity, shown, shown_to};
 pub use text::{TextFile, bytes_read};
 pub use toml_file::{TomlFile, to_toml, write_toml};
 pub use write::{all_or_nothing, check_writable, make_folder, write_file, write_file_parts};

@@ -130,6 +130,13 @@ impl Quantity {
         Self::ALL.iter().find(|quantity| quantity.keys.contains(&key)).unwrap_or(&Self::NUMBER)
     }
 
+    /// That of a key of a result. Where the key has no unit at its end, another thing may be called so.
+    #[must_use]
+    pub fn of_result(key: &str) -> &'static Self {
+        const UNITS: [&str; 7] = ["_s", "_hz", "_rad_s", "_n", "_v", "_a", "_percent"];
+        if UNITS.iter().any(|unit| key.ends_with(unit)) { Self::of(key) } else { &Self::NUMBER }
+    }
+
     /// Accepts a number of the range.
     ///
     /// # Errors
@@ -199,6 +206,12 @@ pub fn shown(value: f64) -> String {
     } else {
         format!("{value:e}")
     }
+}
+
+/// A number with so many decimals, or few digits where it is very large.
+#[must_use]
+pub fn shown_to(value: f64, decimals: usize) -> String {
+    if value.abs() < 1e9 { format!("{value:.decimals$}") } else { shown(value) }
 }
 
 #[cfg(test)]
