@@ -17,12 +17,16 @@ mod import;
 mod interrupted;
 mod inverse;
 mod latency;
+#[cfg(unix)]
 mod mutated;
 mod new;
 mod output;
 mod outputs;
+#[cfg(unix)]
+mod promise;
 mod report_of_steps;
 mod reports;
+#[cfg(unix)]
 mod robust;
 mod slew;
 mod stand;

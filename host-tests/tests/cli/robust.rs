@@ -5,47 +5,16 @@
 
 use std::fs;
 use std::path::Path;
-use std::time::Duration;
 
-use assert_cmd::Command;
 use rotorlead_records::files::Quantity;
 
-use crate::stand::{Stand, program};
-
-/// Processor time for less than ten thousand rows, seconds: what a small machine does in twenty. The clock on the wall is that of all
-/// tests together.
-const MOST_SECONDS: u64 = 60;
-/// Address space, kilobytes: threads have some of it that they never use.
-const MOST_KILOBYTES: u64 = 2_000_000;
-
-/// Runs the program in `folder` and says what of the promise it breaks; `None` where it keeps it.
-pub fn broken_promise(folder: &Path, arguments: &[String]) -> Option<String> {
-    let limited = format!("ulimit -v {MOST_KILOBYTES}; ulimit -t {MOST_SECONDS}; exec \"$@\"");
-    let program = program();
-    let mut command = Command::new("sh");
-    command.current_dir(folder).env_remove("RUST_BACKTRACE").args(["-c", &limited, "sh"]).arg(program.get_program());
-    let output = command.args(arguments).timeout(Duration::from_secs(5 * MOST_SECONDS)).output().unwrap();
-    let [said, complaint] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
-    let none = |text: &str| {
-        let is_none = |word: &str| matches!(word, "NaN" | "inf");
-        text.split(|c: char| !c.is_alphanumeric()).find(|word| is_none(word)).map(str::to_owned)
-    };
-    match output.status.code() {
-        Some(0) => none(&said).map(|number| format!("prints {number}:\n{said}")),
-        Some(1 | 2) if complaint.contains("panicked") => Some(complaint),
-        Some(1 | 2) if !(complaint.contains("help: ") || complaint.contains("Usage: ")) => {
-            Some(format!("no remedy in:\n{complaint}"))
-        }
-        Some(1 | 2) if complaint.len() > 4000 => Some(format!("{} bytes of complaint", complaint.len())),
-        Some(1 | 2) => None,
-        status => Some(format!("ends with {status:?} or not at all within {MOST_SECONDS} s of work:\n{complaint}")),
-    }
-}
+use crate::promise::{Trouble, hold};
+use crate::stand::Stand;
 
 #[track_caller]
 fn ends_well(stand: &Stand, arguments: &str) {
     let words: Vec<String> = arguments.split_whitespace().map(str::to_owned).collect();
-    if let Some(broken) = broken_promise(&stand.path(""), &words) {
+    if let Err(broken) = hold(&stand.path(""), &words, Trouble::None) {
         panic!("`{arguments}` {broken}");
     }
 }
@@ -76,7 +45,7 @@ fn every_stored_case_ends_well() {
         copy(&case, folder.path());
         let words: Vec<String> = command.split_whitespace().skip(1).map(str::to_owned).collect();
         count += 1;
-        if let Some(found) = broken_promise(folder.path(), &words) {
+        if let Err(found) = hold(folder.path(), &words, Trouble::None) {
             broken += &format!("{}: {found}\n", case.display());
         }
     }

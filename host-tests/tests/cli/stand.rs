@@ -111,6 +111,12 @@ impl Stand {
         Self { _temporary: Some(folder), ..stand }
     }
 
+    /// Without any file.
+    pub fn empty() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        Self { folder: folder.path().to_owned(), _temporary: Some(folder) }
+    }
+
     /// As [`Self::new`], in a folder that stays.
     pub fn kept_in(folder: PathBuf) -> Self {
         let stand = Self { folder, _temporary: None };
@@ -143,6 +149,13 @@ impl Stand {
         fs::write(self.path(name), content).unwrap();
     }
 
+    /// As [`Self::write`], with the folders that the name goes through.
+    pub fn write_below(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+
     /// Replaces `from`, which has to be there, by `to`.
     #[track_caller]
     pub fn edit(&self, name: &str, from: &str, to: &str) {
@@ -153,22 +166,7 @@ impl Stand {
 
     /// Every file and folder below, with the files' content, sorted.
     pub fn everything(&self) -> Vec<(PathBuf, Option<Vec<u8>>)> {
-        let mut found = Vec::new();
-        let mut folders = vec![self.folder.clone()];
-        while let Some(folder) = folders.pop() {
-            for entry in fs::read_dir(folder).unwrap() {
-                let path = entry.unwrap().path();
-                if path.is_dir() {
-                    folders.push(path.clone());
-                    found.push((path, None));
-                } else {
-                    let content = fs::read(&path).unwrap();
-                    found.push((path, Some(content)));
-                }
-            }
-        }
-        found.sort();
-        found
+        everything(&self.folder)
     }
 
     /// The program with these arguments, separated by spaces, in this folder.
@@ -212,6 +210,26 @@ impl Stand {
     }
 }
 
+/// Every file and folder below, with the files' content, sorted.
+pub fn everything(folder: &Path) -> Vec<(PathBuf, Option<Vec<u8>>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path.clone());
+                found.push((path, None));
+            } else {
+                let content = fs::read(&path).unwrap();
+                found.push((path, Some(content)));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
 /// What is on standard error.
 pub fn report(assert: &Assert) -> String {
     String::from_utf8(assert.get_output().stderr.clone()).unwrap()
@@ -242,8 +260,11 @@ pub fn program() -> Command {
 /// `cargo test -p host-tests` it may be missing or older than its source, and then it is built here. Where it is
 /// newer than all of its source, as after `cargo build`, cargo is not called: with the features of another selection of
 /// packages it would compile everything once more. A source that is saved while cargo compiles it goes unnoticed by
-/// this; save it again.
+/// this; save it again. `ROTORLEAD_PROGRAM` in the environment is another, to compare it with.
 static PROGRAM: LazyLock<PathBuf> = LazyLock::new(|| {
+    if let Some(other) = std::env::var_os("ROTORLEAD_PROGRAM") {
+        return other.into();
+    }
     let test = std::env::current_exe().unwrap();
     // target/PROFILE/deps/cli-HASH
     let profile = test.parent().and_then(Path::parent).unwrap();
