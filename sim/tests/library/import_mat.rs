@@ -63,7 +63,8 @@ impl Writer {
         element
     }
 
-    fn matrix(&self, class: u32, name: &str, dimensions: [u32; 2], numbers: &Stored) -> Vec<u8> {
+    /// A variable of this class, its flags in the bits above.
+    fn matrix(&self, class: u32, name: &str, dimensions: &[u32], numbers: &Stored) -> Vec<u8> {
         macro_rules! stored {
             ($values:expr) => {
                 $values.iter().flat_map(|v| if self.big { v.to_be_bytes() } else { v.to_le_bytes() }).collect()
@@ -76,7 +77,7 @@ impl Writer {
             Stored::I16(values) => (3, stored!(values)),
         };
         let mut parts = self.element(6, &[self.word(class), self.word(0)].concat());
-        parts.extend(self.element(5, &dimensions.map(|d| self.word(d)).concat()));
+        parts.extend(self.element(5, &dimensions.iter().flat_map(|d| self.word(*d)).collect::<Vec<u8>>()));
         parts.extend(self.element(1, name.as_bytes()));
         parts.extend(self.element(kind, &data));
         self.element(14, &parts)
@@ -91,7 +92,7 @@ impl Writer {
             Stored::I16(v) => v.len(),
         };
         let class = if matches!(numbers, Stored::F32(_)) { 7 } else { 6 };
-        let matrix = self.matrix(class, name, [length as u32, 1], numbers);
+        let matrix = self.matrix(class, name, &[length as u32, 1], numbers);
         self.push(matrix, compressed)
     }
 
@@ -133,7 +134,7 @@ fn rpm(row: usize) -> i16 {
 fn sample_bytes(big: bool) -> Vec<u8> {
     let mut log = Writer::new(big);
     let rows = || 0..ROWS;
-    let text = log.matrix(4, "remark", [1, 4], &Stored::U8(b"made".to_vec()));
+    let text = log.matrix(4, "remark", &[1, 4], &Stored::U8(b"made".to_vec()));
     log.push(text, true)
         .vector("Time_s", &Stored::F64(rows().map(time).collect()), true)
         .vector("V_bat", &Stored::F32(rows().map(|k| 16.0 - k as f32 / 1024.0).collect()), true)
@@ -252,6 +253,93 @@ fn missing_short_and_unequal_vectors_are_refused() {
     assert!(message(log.import()).contains("99 usable row(s)"));
 }
 
+/// An object of a `classdef` as MATLAB saves it: no dimensions, but the name of a system of types and that of the class.
+fn object(log: &Writer, name: &str, class: &str) -> Vec<u8> {
+    let parts = [name, "MCOS", class].map(|text| log.element(1, text.as_bytes())).concat();
+    log.element(14, &[log.element(6, &[log.word(17), log.word(0)].concat()), parts].concat())
+}
+
+/// An object of the kind before that, with dimensions as any array has.
+fn old_object(log: &Writer, name: &str, class: &str) -> Vec<u8> {
+    let dimensions = log.element(5, &[log.word(1), log.word(1)].concat());
+    let parts = [name, class].map(|text| log.element(1, text.as_bytes())).concat();
+    log.element(14, &[log.element(6, &[log.word(3), log.word(0)].concat()), dimensions, parts].concat())
+}
+
+/// A log of 120 rows whose command is this variable, packed or not.
+fn with_command(command: impl Fn(&Writer) -> Vec<u8>, compressed: bool) -> Result<Import, ImportError> {
+    let mut log = Writer::new(false);
+    let ramp = || (0..120).map(|k| 0.005 * f64::from(k));
+    log.doubles("time", ramp()).doubles("rpm", ramp());
+    let command = command(&log);
+    log.push(command, compressed).import()
+}
+
+#[test]
+fn a_vector_may_lie_along_any_dimension() {
+    let numbers = || Stored::F64((0..120).map(|k| 0.005 * f64::from(k)).collect());
+    for dimensions in [&[120, 1][..], &[1, 120], &[1, 1, 120], &[1, 120, 1, 1]] {
+        let Import { experiment, .. } = with_command(|log| log.matrix(6, "u", dimensions, &numbers()), true).unwrap();
+        assert_eq!(experiment.records[0].command[100], 0.5, "{dimensions:?}");
+    }
+}
+
+#[test]
+fn what_is_no_vector_of_real_numbers_is_refused_by_its_name() {
+    let shaped = |class: u32, dimensions: &'static [u32]| {
+        let count = dimensions.iter().product::<u32>() as usize;
+        move |log: &Writer| log.matrix(class, "u", dimensions, &Stored::U8(vec![0; count]))
+    };
+    let of_class = |class| shaped(class, &[120, 1]);
+    type Made = Box<dyn Fn(&Writer) -> Vec<u8>>;
+    let cases: [(Made, &str, &str); 13] = [
+        (Box::new(shaped(6, &[60, 2])), "60x2 numbers", "`thrust = u(:, 2)`"),
+        (Box::new(shaped(6, &[4, 5, 6])), "4x5x6 numbers", "`thrust = u(:, 2)`"),
+        (Box::new(shaped(6, &[0, 0])), "0x0 numbers", "`u` is empty"),
+        (Box::new(shaped(6, &[0, 1])), "0x1 numbers", "`u` is empty"),
+        (Box::new(of_class(6 | 0x0800)), "complex numbers", "`real(u)`"),
+        (Box::new(of_class(5)), "a sparse matrix", "`full(u)`"),
+        (Box::new(of_class(1)), "a cell array", "`cell2mat(u)`"),
+        (Box::new(of_class(2)), "a struct", "`save(file, '-struct', 'u', '-v7')`"),
+        (Box::new(of_class(4)), "text", "`str2double(u)`"),
+        (Box::new(of_class(16)), "a function handle", "`command = u(time)`"),
+        (Box::new(of_class(18)), "data of an unknown class", "save the numbers"),
+        (Box::new(|log| object(log, "u", "timeseries")), "a timeseries object", "`time = u.Time`"),
+        (Box::new(|log| old_object(log, "u", "timeseries")), "a timeseries object", "`time = u.Time`"),
+    ];
+    for (made, found, remedy) in cases {
+        for compressed in [false, true] {
+            let text = message(with_command(&made, compressed));
+            let expected =
+                format!("log.csv, variable `u`: {found}, where a vector of real numbers is needed | in MATLAB");
+            assert!(text.contains(&expected) && text.contains(remedy), "{text}");
+        }
+    }
+}
+
+#[test]
+fn an_unfit_variable_gives_way_to_one_that_can_be_taken() {
+    let mut log = Writer::new(false);
+    let timeseries = object(&log, "thrust", "timeseries");
+    let ramp = || (0..120).map(|k| 0.005 * f64::from(k));
+    log.push(timeseries, true).doubles("time", ramp()).doubles("command", ramp()).doubles("rpm", ramp());
+    let Import { experiment, summary } = log.import().unwrap();
+    assert_eq!(experiment.output, Output::Rpm);
+    assert_eq!((summary.columns[0].name.as_str(), &summary.columns[0].taken_as), ("thrust", &None));
+    assert!(summary.columns[0].note.contains("a timeseries object"), "{}", summary.columns[0].note);
+}
+
+#[test]
+fn what_the_file_has_is_said_where_a_signal_is_missing() {
+    let mut log = Writer::new(false);
+    let run = log.matrix(2, "run", &[1, 1], &Stored::U8(vec![]));
+    log.doubles("t", (0..120).map(f64::from)).doubles("y", (0..120).map(f64::from)).push(run, true);
+    let text = message(log.import());
+    let there = "for `command`; the file has `t` (120x1 numbers), `y` (120x1 numbers), `run` (a struct) | ";
+    assert!(text.contains(there) && text.contains("or save the fields of `run` as vectors"), "{text}");
+    assert!(message(Writer::new(false).import()).contains("the file has no variables"));
+}
+
 #[test]
 fn version_7_3_is_told_to_be_saved_again() {
     let mut bytes = sample_bytes(false);
@@ -272,7 +360,7 @@ fn a_file_cut_anywhere_is_refused() {
 fn lengths_beyond_the_file_cost_no_memory() {
     // Dimensions whose product does not fit, and an element said to be of 4 GB.
     let mut log = Writer::new(false);
-    let huge = log.matrix(6, "time", [u32::MAX, u32::MAX], &Stored::F64(vec![0.0; 4]));
+    let huge = log.matrix(6, "time", &[u32::MAX, u32::MAX], &Stored::F64(vec![0.0; 4]));
     log.push(huge, true);
     assert!(message(log.import()).contains("do not have its size"));
     let mut log = Writer::new(false);

@@ -426,15 +426,32 @@ pub enum ImportError {
         file: PathBuf,
     },
     /// No vector's name stands for a signal that is needed.
-    #[error("{}: no vector of a known name for `{signal}`", file.display())]
-    #[diagnostic(help("rename the vector; known, whatever the capitals and underscores: {known}"))]
+    #[error("{}: no vector of a known name for `{signal}`; the file has {there}", file.display())]
+    #[diagnostic(help("rename the vector; known, whatever the capitals and underscores: {known}{within}"))]
     MissingSignal {
         /// The log.
         file: PathBuf,
-        /// The column of the record.
-        signal: &'static str,
-        /// The names that stand for it.
+        /// The column of the record, or those of which one is needed.
+        signal: String,
+        /// The variables of the file, each with what it is.
+        there: String,
+        /// The names that stand for the signal.
         known: String,
+        /// What may be done beside, where a variable may hold the vector.
+        within: String,
+    },
+    /// A variable with the name of a signal is no vector of numbers.
+    #[error("{}, variable `{name}`: {found}, where a vector of real numbers is needed", file.display())]
+    #[diagnostic(help("in MATLAB, {remedy}"))]
+    NoVector {
+        /// The log.
+        file: PathBuf,
+        /// The variable.
+        name: String,
+        /// What it is.
+        found: String,
+        /// What to save in its place.
+        remedy: String,
     },
     /// A flight log without a topic that is needed, or without that motor.
     #[error("{}: nothing logged for `{signal}` of motor {motor}", file.display())]

@@ -7,11 +7,13 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use super::mat5::{self, Variable};
+use super::mat5::{self, Kind, Variable};
+use super::plain_columns::MOST_LISTED;
 use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use crate::files::csv_rows::quoted;
 use crate::{Excitation, Output};
 
 /// How a vector's numbers become those of the column.
@@ -56,6 +58,47 @@ fn meaning(name: &str) -> Option<(usize, Quantity, Scale)> {
     all.enumerate().find(|(_, (_, _, n))| *n == plain).map(|(place, (signal, scale, _))| (place, signal, scale))
 }
 
+impl Variable {
+    /// What it is: `1000x3 numbers`, `a timeseries object`.
+    fn shown(&self) -> String {
+        let sizes: Vec<String> = self.dimensions.iter().map(ToString::to_string).collect();
+        match &self.kind {
+            Kind::Real => format!("{} numbers", sizes.join("x")),
+            Kind::Complex => String::from("complex numbers"),
+            Kind::Sparse => String::from("a sparse matrix"),
+            Kind::Cell => String::from("a cell array"),
+            Kind::Struct => String::from("a struct"),
+            Kind::Text => String::from("text"),
+            Kind::FunctionHandle => String::from("a function handle"),
+            Kind::Object(class) => format!("a {class} object"),
+            Kind::Unknown => String::from("data of an unknown class"),
+        }
+    }
+
+    /// What to do in MATLAB before its numbers can be taken; `None` of a vector, whichever of its dimensions it lies along.
+    fn remedy(&self) -> Option<String> {
+        let x = quoted(&self.name);
+        Some(match &self.kind {
+            Kind::Real if self.dimensions.contains(&0) => {
+                format!("`{x}` is empty: save the variable that holds the rows")
+            }
+            Kind::Real if self.dimensions.iter().filter(|&&size| size != 1).count() <= 1 => return None,
+            Kind::Real => format!("save each column of `{x}` as a vector of its own, as in `thrust = {x}(:, 2)`"),
+            Kind::Complex => format!("save `real({x})` if its imaginary parts are zero, or else what was measured"),
+            Kind::Sparse => format!("save `full({x})`"),
+            Kind::Cell => format!("save `cell2mat({x})`, or each signal in it as a vector of its own"),
+            Kind::Struct => format!("save the fields of `{x}` as vectors: `save(file, '-struct', '{x}', '-v7')`"),
+            Kind::Text => format!("save numbers in place of `{x}`, such as `str2double({x})`"),
+            Kind::FunctionHandle => format!("save the numbers that `{x}` gives, as in `command = {x}(time)`"),
+            Kind::Object(_) => format!(
+                "only MATLAB reads `{x}`: save its numbers as vectors, those of a timeseries as `time = {x}.Time` and \
+                 `rpm = {x}.Data`, those of a table as `rpm = {x}.rpm`, those of a duration as `time = seconds({x})`"
+            ),
+            Kind::Unknown => format!("save the numbers of `{x}` as vectors"),
+        })
+    }
+}
+
 /// A vector that is taken.
 struct Source {
     place: usize,
@@ -68,50 +111,37 @@ struct Source {
 }
 
 pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let variables = mat5::read(bytes, |name| meaning(name).is_some()).map_err(|damage| ImportError::Damaged {
+    let mut variables = mat5::read(bytes, |name| meaning(name).is_some()).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
         problem: damage.problem,
     })?;
     let mut columns: Vec<ColumnUse> = Vec::new();
     let mut sources: Vec<Source> = Vec::new();
-    for variable in variables {
-        let Variable { name, dimensions, values } = variable;
-        let column = columns.len();
+    for (column, variable) in variables.iter_mut().enumerate() {
         let mut note = String::from("no known name");
-        if let Some((place, signal, scale)) = meaning(&name) {
-            note = match values {
-                Some(values) if dimensions.iter().filter(|&&d| d != 1).count() <= 1 => {
-                    sources.push(Source { place, column, signal, scale, name: name.clone(), values });
+        if let Some((place, signal, scale)) = meaning(&variable.name) {
+            note = match (variable.remedy(), variable.values.take()) {
+                (None, Some(values)) => {
+                    sources.push(Source { place, column, signal, scale, name: variable.name.clone(), values });
                     format!("another vector was taken as {}", signal.column())
                 }
-                Some(_) => String::from("a matrix, not a vector"),
-                None => String::from("not real full numbers"),
+                _ => format!("{}, and no vector of numbers", variable.shown()),
             };
         }
-        columns.push(ColumnUse { name, taken_as: None, note });
+        columns.push(ColumnUse { name: variable.name.clone(), taken_as: None, note });
     }
     sources.sort_by_key(|s| s.place);
     let mut pick = |signal: Quantity| {
         let at = sources.iter().position(|s| s.signal == signal)?;
         Some(sources.remove(at))
     };
-    let need = |source: Option<Source>, signal: Quantity| {
-        source.ok_or_else(|| ImportError::MissingSignal {
-            file: file.into(),
-            signal: signal.column(),
-            known: spellings(signal),
-        })
-    };
-    let time = need(pick(Quantity::Time), Quantity::Time)?;
-    let command = need(pick(Quantity::Command), Quantity::Command)?;
+    let missing = |signals: &[Quantity]| missing(file, &variables, signals);
+    let time = pick(Quantity::Time).ok_or_else(|| missing(&[Quantity::Time]))?;
+    let command = pick(Quantity::Command).ok_or_else(|| missing(&[Quantity::Command]))?;
     let (thrust, speed) = (pick(Quantity::Thrust), pick(Quantity::Speed));
     if thrust.is_none() && speed.is_none() {
-        return Err(ImportError::MissingSignal {
-            file: file.into(),
-            signal: "thrust_n or rpm",
-            known: format!("{}, {}", spellings(Quantity::Thrust), spellings(Quantity::Speed)),
-        });
+        return Err(missing(&[Quantity::Thrust, Quantity::Speed]));
     }
     let supply = [pick(Quantity::Voltage), pick(Quantity::Current)];
     let rows_read = time.values.len();
@@ -212,8 +242,26 @@ fn sample(file: &Path, name: &str, row: usize, value: f64, problem: &'static str
     ImportError::Sample { file: file.into(), name: name.into(), number: row + 1, value, problem }
 }
 
-/// The names that stand for `signal`, for a message.
-fn spellings(signal: Quantity) -> String {
-    let names = SPELLINGS.iter().filter(|(s, ..)| *s == signal).flat_map(|(_, _, names)| names.iter());
-    names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+/// The error that no vector stands for one of `signals`: the variable of such a name that is none, or all that the file has.
+fn missing(file: &Path, variables: &[Variable], signals: &[Quantity]) -> ImportError {
+    let is_meant =
+        |variable: &&Variable| meaning(&variable.name).is_some_and(|(_, signal, _)| signals.contains(&signal));
+    let unfit = variables.iter().filter(is_meant).find_map(|variable| Some((variable, variable.remedy()?)));
+    if let Some((variable, remedy)) = unfit {
+        let (name, found) = (variable.name.clone(), variable.shown());
+        return ImportError::NoVector { file: file.into(), name, found, remedy };
+    }
+    let names = SPELLINGS.iter().filter(|(signal, ..)| signals.contains(signal)).flat_map(|(_, _, names)| names.iter());
+    let shown = |variable: &Variable| format!("`{}` ({})", quoted(&variable.name), variable.shown());
+    let all: Vec<String> = variables.iter().take(MOST_LISTED).map(shown).collect();
+    // What a variable of another name holds may be well named.
+    let holds_more = |variable: &&Variable| !matches!(variable.kind, Kind::Text | Kind::FunctionHandle);
+    let within = variables.iter().filter(holds_more).find_map(Variable::remedy);
+    ImportError::MissingSignal {
+        file: file.into(),
+        signal: signals.iter().map(|signal| signal.column()).collect::<Vec<_>>().join(" or "),
+        there: if all.is_empty() { String::from("no variables") } else { all.join(", ") },
+        known: names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
+        within: within.map(|remedy| format!("; or {remedy}")).unwrap_or_default(),
+    }
 }

@@ -1,7 +1,7 @@
 //! The MAT-file format, level 5 (MathWorks, *MAT-File Format*): a header of 128 bytes, then elements
 //! of a tag and data. `save -v7` puts each variable into an element of zlib data.
 //!
-//! Only full real numeric arrays are read; of all others the name and the size are listed. A length is
+//! Only full real numeric arrays are read; of all others the name, the size and the kind are listed. A length is
 //! believed only as far as the bytes behind it go, so memory stays within a multiple of the file.
 
 use std::io::Read;
@@ -24,6 +24,8 @@ const MATRIX: u32 = 14;
 const INT8: u32 = 1;
 const INT32: u32 = 5;
 const UINT32: u32 = 6;
+/// The class of objects that only MATLAB reads (`classdef`), whose header has no dimensions.
+const OPAQUE: u32 = 17;
 /// Set in the array flags of complex numbers.
 const COMPLEX: u32 = 0x0800;
 
@@ -40,9 +42,28 @@ pub(super) enum Header {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Variable {
     pub(super) name: String,
+    /// Empty of an opaque object, which has none.
     pub(super) dimensions: Vec<usize>,
-    /// The numbers, columns first; `None` where it was not wanted or is no full real numeric array.
+    pub(super) kind: Kind,
+    /// The numbers, columns first; `None` where they were not wanted or are not of [`Kind::Real`].
     pub(super) values: Option<Vec<f64>>,
+}
+
+/// What a variable is an array of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Full real numbers.
+    Real,
+    Complex,
+    Sparse,
+    Cell,
+    Struct,
+    Text,
+    FunctionHandle,
+    /// An object of this class, such as a `timeseries`.
+    Object(String),
+    /// A class of the format that is newer than this reader.
+    Unknown,
 }
 
 /// What is wrong with the file, and the byte of it where that shows.
@@ -81,7 +102,7 @@ pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Va
                 }
                 let named = matrix(head.get(8..).unwrap_or_default(), order, |_| false).map_err(within)?;
                 match named {
-                    Some(variable) if wanted(&variable.name) => {
+                    Some(variable) if variable.kind == Kind::Real && wanted(&variable.name) => {
                         let whole = inflated(budget + 1)?;
                         let large =
                             Damage { offset: element.offset, problem: "it inflates to more than any recording" };
@@ -175,6 +196,10 @@ impl<'a> Elements<'a> {
         let element = self.next()?;
         if element.kind == kind { Ok(element.data) } else { Err(Damage { offset: element.offset, problem }) }
     }
+
+    fn text(&mut self, problem: &'static str) -> Result<String, Damage> {
+        self.expect(INT8, problem).map(|text| String::from_utf8_lossy(text).into_owned())
+    }
 }
 
 /// A matrix element's variable; `None` for an empty element.
@@ -187,17 +212,30 @@ fn matrix(data: &[u8], order: Order, wanted: impl Fn(&str) -> bool) -> Result<Op
     let flags = flags.first_chunk::<4>().map(|word| order.word(*word));
     let flags = flags.ok_or(Damage { offset: 0, problem: "a variable without flags" })?;
     let class = flags & 0xff;
-    // Opaque objects have no dimensions.
-    if class == 17 {
-        return Ok(None);
+    if class == OPAQUE {
+        let name = parts.text("a variable without a name")?;
+        // In between stands the name of the system of types, always the same.
+        parts.text("an object without a type")?;
+        let kind = Kind::Object(parts.text("an object without a class")?);
+        return Ok(Some(Variable { name, dimensions: Vec::new(), kind, values: None }));
     }
     let sizes = parts.expect(INT32, "a variable without dimensions")?;
     let dimensions: Vec<usize> = sizes.as_chunks::<4>().0.iter().map(|word| order.word(*word) as usize).collect();
-    let name = parts.expect(INT8, "a variable without a name")?;
-    let name = String::from_utf8_lossy(name).into_owned();
-    // 6 to 15: double, single and the integers.
-    if !(6..=15).contains(&class) || flags & COMPLEX != 0 || !wanted(&name) {
-        return Ok(Some(Variable { name, dimensions, values: None }));
+    let name = parts.text("a variable without a name")?;
+    let kind = match class {
+        1 => Kind::Cell,
+        2 => Kind::Struct,
+        3 => Kind::Object(parts.text("an object without a class")?),
+        4 => Kind::Text,
+        5 => Kind::Sparse,
+        // Double, single and the integers.
+        6..=15 if flags & COMPLEX != 0 => Kind::Complex,
+        6..=15 => Kind::Real,
+        16 => Kind::FunctionHandle,
+        _ => Kind::Unknown,
+    };
+    if kind != Kind::Real || !wanted(&name) {
+        return Ok(Some(Variable { name, dimensions, kind, values: None }));
     }
     let numbers = parts.next()?;
     let problem = Damage { offset: 0, problem: "the numbers of a variable do not have its size" };
@@ -207,7 +245,7 @@ fn matrix(data: &[u8], order: Order, wanted: impl Fn(&str) -> bool) -> Result<Op
     if values.len() != count {
         return Err(problem);
     }
-    Ok(Some(Variable { name, dimensions, values: Some(values) }))
+    Ok(Some(Variable { name, dimensions, kind, values: Some(values) }))
 }
 
 /// The numbers as doubles; `None` for an unknown type. MATLAB stores whole numbers in the shortest

@@ -324,7 +324,7 @@ fn listed(plain: &PlainTable<'_>) -> String {
 }
 
 /// So many columns are listed: a log with more has them in no message.
-const MOST_LISTED: usize = 60;
+pub(super) const MOST_LISTED: usize = 60;
 
 /// What a name says.
 #[derive(Clone, Copy, Debug, PartialEq)]
