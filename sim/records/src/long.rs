@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use memchr::memchr_iter;
 
+use super::clock::{Clock, WrongClock};
 use super::column::Column;
 use super::manifest::CommandKind;
 use super::sampling::GRID_TOLERANCE;
@@ -111,7 +112,9 @@ impl LongRecord {
     /// As for [`Experiment::read`](super::Experiment::read). `each` has by then seen the rows before the faulty one.
     pub fn for_each_block(&self, mut each: impl FnMut(LongRows<'_>)) -> Result<RowCount, FileError> {
         let mut lateness = self.stated_hz.map(Lateness::new);
+        let mut clock = Clock::default();
         let (count, _) = self.blocks(|_, rows| {
+            clock.add(rows.time_s);
             if let Some(lateness) = &mut lateness {
                 lateness.add(rows.time_s);
             }
@@ -122,9 +125,17 @@ impl LongRecord {
             && let (row, late_s) = lateness.farthest()
             && late_s.abs() > GRID_TOLERANCE / stated_hz
         {
-            return Err(self.wrong_rate(row, late_s, stated_hz)?);
+            let message = format!(
+                "row {} is {late_s:.9} s away from where `sample_rate_hz` of experiment.toml, {stated_hz}, has it",
+                row + 1
+            );
+            let help = "correct `sample_rate_hz` in experiment.toml, or the times of the record where they are wrong";
+            return Err(self.wrong_time(WrongClock { row: row + 1, message, help: help.to_owned() })?);
         }
-        Ok(count)
+        match clock.wrong() {
+            Some(wrong) => Err(self.wrong_time(wrong)?),
+            None => Ok(count),
+        }
     }
 
     /// Gives all rows to `each`, with the text they are in. Returns how many there were, and the last text.
@@ -159,16 +170,11 @@ impl LongRecord {
         Ok((count, last))
     }
 
-    /// The error that row `row`, from zero, is not where the stated rate has it. The file is read again for its place.
-    fn wrong_rate(&self, row: usize, late_s: f64, stated_hz: f64) -> Result<FileError, FileError> {
-        let message = format!(
-            "row {} is {late_s:.9} s away from where `sample_rate_hz` of experiment.toml, {stated_hz}, has it",
-            row + 1
-        );
-        let help = "correct `sample_rate_hz` in experiment.toml, or the times of the record where they are wrong";
+    /// The error at the time of a row. The file is read again for its place.
+    fn wrong_time(&self, WrongClock { row, message, help }: WrongClock) -> Result<FileError, FileError> {
         let found = self.blocks(|(cells, text), rows| {
-            if row < rows.rows_before + rows.time_s.len() {
-                return Err(cells.wrong_time(text, row + 1, message.clone(), help.to_owned()));
+            if row <= rows.rows_before + rows.time_s.len() {
+                return Err(cells.wrong_time(text, row, message.clone(), help.clone()));
             }
             Ok(())
         });

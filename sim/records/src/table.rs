@@ -6,7 +6,7 @@ use csv::StringRecord;
 use memchr::memchr_iter;
 use miette::Diagnostic as _;
 
-use super::clock::WrongClock;
+use super::clock::{Clock, WrongClock};
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
 use super::error::short;
 use super::manifest::CommandKind;
@@ -60,7 +60,7 @@ impl Table {
 
     /// Refuses times that are no motor's record's.
     pub(super) fn check_clock(&self, record: &Record) -> Result<(), FileError> {
-        match WrongClock::of(record) {
+        match Clock::of(record).wrong() {
             Some(WrongClock { row, message, help }) => Err(self.cells.wrong_time(&self.text, row, message, help)),
             None => Ok(()),
         }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::clock::WrongClock;
+use super::clock::{Clock, WrongClock};
 use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
 use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
@@ -112,7 +112,7 @@ impl Experiment {
                 previous = Some(*value);
             }
         }
-        if let Some(WrongClock { row, message, help }) = WrongClock::of(record) {
+        if let Some(WrongClock { row, message, help }) = Clock::of(record).wrong() {
             return Err(place(Column::TimeS).item(row - 1).fault(message, help));
         }
         match self.sample_rate_hz {

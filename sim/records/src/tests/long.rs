@@ -155,3 +155,20 @@ fn times_that_contradict_the_stated_rate_are_shown() {
     let near = Folder::new(with_row(&plain, 120_000, "0.5,120.00004,0.5,1"));
     assert!(near.short().is_ok() && collected(&near.long()).is_ok());
 }
+
+#[test]
+fn times_that_are_no_motors_are_refused_as_those_of_a_record_in_memory() {
+    let cases: [(fn(usize) -> f64, &str); 3] = [
+        (|k| if k < 120_000 { k as f64 / 1000.0 } else { 3600.0 + k as f64 / 1000.0 }, "the clock jumps by 3600.001"),
+        (|k| k as f64, "rows come every 1 s, and no motor shows"),
+        (|k| k as f64 * 1e-8, "rows come every 1e-8 s, faster than any logger"),
+    ];
+    for (time_s, part) in cases {
+        let rows: String = (0..ROWS).map(|k| format!("{},0.5,1\n", time_s(k))).collect();
+        let folder = Folder::new(format!("time_s,command,thrust_n\n{rows}"));
+        folder.0.file("experiment.toml", MANIFEST.replace("sample_rate_hz = 1000\n", ""));
+        let expected = report(&folder.short().unwrap_err());
+        assert!(expected.contains(part), "{expected}");
+        assert_eq!(report(&folder.long().for_each_block(|_| ()).unwrap_err()), expected);
+    }
+}
