@@ -7,7 +7,7 @@ use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
-use rotorlead_identify::with_advice;
+use rotorlead_identify::{power_over_noise, times_noise, with_advice};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::check_writable;
 use rotorlead_report::{Report, Tone, Verdict, stand_section, stand_table, with_std};
@@ -76,14 +76,14 @@ fn table(stand: &StandIdentification) -> String {
     let mut text = format!(
         "{}\n\
          {} lines up to {:.1} Hz: {}, static gain {}\n\
-         chi2 per dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
-         independence of the force {:.2}\n\n{}",
+         leaves {}\n\
+         tail probabilities: power {:.2}, whiteness {:.2}, independence of the force {:.2}\n\n{}",
         stand.records.join(", "),
         stand.response.lines.len(),
         stand.top_hz,
         fit.structure,
         with_std(fit.gain.value, Some(fit.gain.std), 1.0, 4),
-        fit.residual.reduced_chi_square,
+        times_noise(fit.residual.reduced_chi_square, 2),
         fit.residual.power_p_value,
         fit.residual.whiteness_p_value,
         fit.residual.input_independence_p_value,
@@ -146,7 +146,7 @@ impl<'a> Values<'a> {
             usable_hz: stand.usable_hz.map(|usable| usable.value),
             usable_hz_std: stand.usable_hz.map(|usable| usable.std),
             top_hz: stand.top_hz,
-            reduced_chi_square: residual.reduced_chi_square,
+            reduced_chi_square: power_over_noise(residual.reduced_chi_square),
             power_p_value: residual.power_p_value,
             whiteness_p_value: residual.whiteness_p_value,
             input_independence_p_value: residual.input_independence_p_value,

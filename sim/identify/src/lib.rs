@@ -22,6 +22,7 @@ mod hold;
 mod identification;
 mod measured;
 mod noise;
+mod noise_power;
 pub mod parametric;
 mod periodic;
 mod sample;
@@ -57,6 +58,7 @@ pub use hold::{HoldChain, Image};
 pub use identification::{Identification, IdentifyOptions, Lags, identify, step_record};
 pub use measured::MeasuredBandwidth;
 pub use noise::density;
+pub use noise_power::{power_over_noise, times_noise};
 pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,

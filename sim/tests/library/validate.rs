@@ -291,6 +291,18 @@ fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_al
     }
 }
 
+#[test]
+fn a_record_whose_noise_does_not_show_has_no_power_over_noise() {
+    let mut wrong = motor();
+    wrong.points.iter_mut().for_each(|p| p.time_constant_s *= 1.5);
+    let found = validate(&experiment(0.0), &wrong).unwrap();
+    let in_frequency: Vec<_> = found.iter().filter(|found| found.domain() == Domain::Frequency).collect();
+    assert!(!in_frequency.is_empty() && in_frequency.iter().all(|found| found.left_over.is_none()), "{in_frequency:?}");
+    // The least noise that a good sensor has still shows: a hundred-thousandth of the thrust.
+    let noise = Noise { sigma_n: 1e-5, ..Noise::default() };
+    assert!(validate(&noisy(&noise, 1), &wrong).unwrap().iter().all(|found| found.left_over.is_some()));
+}
+
 /// A staircase whose first level is left, and whose first rows are cut off so that the response is still on its way.
 fn cut_start(noise: &Noise, seed: u64, after_s: f64) -> Experiment {
     let mut plan = plan(0.0);

@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
-use crate::{STRONG_DISTORTION_DB, Topic};
+use crate::{STRONG_DISTORTION_DB, Topic, times_noise};
 
 /// What a user should know about an identification that succeeded.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
@@ -85,7 +85,8 @@ pub enum IdentifyWarning {
     },
     /// The lag does not explain the response to within its noise.
     #[error(
-        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only"
+        "u_nom {nominal}: a first-order lag leaves {}; the standard errors cover noise only",
+        times_noise(*reduced_chi_square, 1)
     )]
     #[diagnostic(help(
         "lower the amplitude; give the stand with --stand-model; `rotorlead diagnose` looks for what is missing"
@@ -112,7 +113,8 @@ pub enum IdentifyWarning {
     },
     /// The lag explains the response far better than its noise allows.
     #[error(
-        "u_nom {nominal}: a first-order lag leaves only {reduced_chi_square:.2} times the noise power: what differs between the periods is no noise (a gain that drifts, a reading that jumps, a sensor that stops), and gain and lag may be wrong by more than their errors"
+        "u_nom {nominal}: a first-order lag leaves only {}: what differs between the periods is no noise (a gain that drifts, a reading that jumps, a sensor that stops), and gain and lag may be wrong by more than their errors",
+        times_noise(*reduced_chi_square, 2)
     )]
     #[diagnostic(help("compare the periods, and record again"))]
     NoiseTooLarge {

@@ -19,7 +19,7 @@ use num_complex::Complex64;
 use rotorlead_records::Experiment;
 
 use super::parametric::{OrderScore, ParametricFit, ParametricOptions, Root, UnstablePoles, select_order};
-use super::{Estimate, FrequencyResponse, IdentifyError};
+use super::{Estimate, FrequencyResponse, IdentifyError, times_noise};
 pub use error::StandError;
 pub use model::{StandModel, StandRoot};
 
@@ -96,7 +96,8 @@ pub enum StandWarning {
     },
     /// The model does not explain the lines to within their noise.
     #[error(
-        "the transfer function leaves {reduced_chi_square:.2} times the noise power (p = {p_value:.1e}); the standard errors cover noise only"
+        "the transfer function leaves {} (p = {p_value:.1e}); the standard errors cover noise only",
+        times_noise(*reduced_chi_square, 2)
     )]
     ModelTooSimple {
         /// Chi-square of the residual over its expectation.

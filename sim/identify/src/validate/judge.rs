@@ -87,7 +87,7 @@ impl Judge<'_> {
         Ok(Score {
             fit_percent: percent,
             ceiling_percent: Some(percent_when_left(noise, spread(&measured))),
-            left_over: Some(LeftOver::at_lines(&spectrum.lines, &expected)),
+            left_over: LeftOver::at_lines(&spectrum.lines, &expected),
             comparison: Comparison::Frequency(compared(&spectrum, &expected, without_holds)?),
         })
     }
@@ -140,7 +140,7 @@ impl Judge<'_> {
                 let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
                 let (_, length) = spectra::period(record, row_rate_hz)?;
                 let noise = PeriodNoise::of(&residual, length).filter(|noise| noise::shows(noise.variance, measured));
-                (noise.as_ref().map(|noise| noise.variance * rows), noise.map(|noise| noise.left_over()))
+                (noise.as_ref().map(|noise| noise.variance * rows), noise.and_then(|noise| noise.left_over()))
             }
             Excitation::Step => {
                 let noise = Run::of(record, self.experiment.output)

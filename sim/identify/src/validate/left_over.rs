@@ -8,7 +8,7 @@
 use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
 
-use crate::Line;
+use crate::{Line, power_over_noise};
 
 /// What a model leaves of a record, beside its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,23 +21,18 @@ pub struct LeftOver {
 }
 
 impl LeftOver {
-    /// `left` and `noise` are mean powers of independent numbers, these their degrees of freedom.
-    pub(super) fn of(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Self {
-        let power_ratio = if noise > 0.0 {
-            left / noise
-        } else if left > 0.0 {
-            f64::INFINITY
-        } else {
-            1.0
-        };
-        Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) }
+    /// `left` and `noise` are mean powers of independent numbers, these their degrees of freedom; `None` where the noise does
+    /// not show.
+    pub(super) fn of(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
+        let power_ratio = power_over_noise(left / noise)?;
+        Some(Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) })
     }
 
     /// Lines of a spectrum beside the response over command that is `expected` of each.
     ///
     /// The variances are estimates: they make the weighted sum `v / (v - 2)` times too large on average, with `v` the degrees
     /// of freedom of each. Neighbors share them, so that all lines have as many as there are windows of pooling.
-    pub(super) fn at_lines(lines: &[Line], expected: &[Complex64]) -> Self {
+    pub(super) fn at_lines(lines: &[Line], expected: &[Complex64]) -> Option<Self> {
         let largest = lines.iter().map(|line| line.ratio().norm()).fold(0.0, f64::max);
         // The rounding of what has no noise.
         let rounding = (1e-8 * largest).powi(2);

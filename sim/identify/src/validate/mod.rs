@@ -66,13 +66,13 @@ pub struct RecordValidation {
     pub fit_percent: f64,
     /// % fit that noise leaves to the true model; `None` where the record does not show its noise.
     pub ceiling_percent: Option<f64>,
-    /// Whether more than noise is left; `None` as for the ceiling.
+    /// Whether more than noise is left; `None` where the noise does not show beside it.
     pub left_over: Option<LeftOver>,
     /// What was compared.
     pub comparison: Comparison,
 }
 
-/// Without what was compared. What is left is infinitely more than the noise of a record without any.
+/// Without what was compared.
 impl Serialize for RecordValidation {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut values = serializer.serialize_struct("RecordValidation", 12)?;

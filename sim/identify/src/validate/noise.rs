@@ -45,7 +45,7 @@ fn degrees_of_freedom(powers: impl Iterator<Item = f64>, samples: f64) -> f64 {
 pub(super) struct PeriodNoise {
     /// Variance per row.
     pub(super) variance: f64,
-    left_over: LeftOver,
+    left_over: Option<LeftOver>,
 }
 
 impl PeriodNoise {
@@ -75,7 +75,7 @@ impl PeriodNoise {
     }
 
     /// The part of the residual that repeats, beside the noise of the mean over periods.
-    pub(super) fn left_over(&self) -> LeftOver {
+    pub(super) fn left_over(&self) -> Option<LeftOver> {
         self.left_over
     }
 }
@@ -125,6 +125,6 @@ impl LevelNoise {
         }
         let settled: usize = self.settled.iter().map(|rows| rows.len()).sum();
         let dof = self.dof * rows / settled as f64;
-        (rows > 0.0).then(|| LeftOver::of(sum / rows, dof, self.variance, self.dof))
+        LeftOver::of(sum / rows, dof, self.variance, self.dof)
     }
 }

@@ -2,7 +2,7 @@
 
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit, Step};
-use rotorlead_identify::{Estimate, Identification, Lags};
+use rotorlead_identify::{Estimate, Identification, Lags, power_over_noise};
 use rotorlead_plant::Point;
 use rotorlead_records::{Experiment, Output};
 
@@ -238,7 +238,8 @@ fn lags(identified: &Identification, output: Output) -> Table {
         row.push(Cell::optional(point.fit_frequency_percent, 2));
         row.push(Cell::optional(point.fit_square_percent, 2));
         if let Some(found) = identified.lags.in_frequency() {
-            row.push(Cell::optional(found.nominals.get(index).map(|nominal| nominal.fit.reduced_chi_square), 2));
+            let nominal = found.nominals.get(index);
+            row.push(Cell::optional(nominal.and_then(|one| power_over_noise(one.fit.reduced_chi_square)), 2));
         }
         row
     };

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use rotorlead_identify::stand::StandIdentification;
+use rotorlead_identify::times_noise;
 
 use super::estimate;
 use crate::html::{Cell, Column, Section, Table};
@@ -13,11 +14,11 @@ use crate::stand::stand_figures;
 pub fn stand_section(stand: &StandIdentification) -> Section {
     let fit = &stand.fit;
     let text = vec![format!(
-        "{} lines up to {:.1} Hz, {}: chi-square per degree of freedom {:.2}.",
+        "{} lines up to {:.1} Hz, {}: it leaves {}.",
         stand.response.lines.len(),
         stand.top_hz,
         fit.structure,
-        fit.residual.reduced_chi_square
+        times_noise(fit.residual.reduced_chi_square, 2)
     )];
     Section {
         text,
