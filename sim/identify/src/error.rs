@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::Topic;
 use super::parametric::ParametricError;
 use super::stand::StandError;
+use super::static_map::StaticMapError;
 use super::steps::StepsError;
 
 /// A record or setting from which nothing can be identified.
@@ -33,14 +34,14 @@ pub enum IdentifyError {
         /// What it may be.
         range: &'static str,
     },
-    /// Tables of steady points with too few of them.
-    #[error(
-        "{experiment}: its tables have fewer than four steady points on which the motor runs, too few for a static map"
-    )]
-    #[diagnostic(help("record more levels, or a staircase: steps show the lag as well"))]
+    /// Tables of steady points that give no static map, which is all that there is to get of them.
+    #[error("{experiment}: {reason}")]
+    #[diagnostic(help("{}", reason.help().map(|help| help.to_string()).unwrap_or_default()))]
     NoStaticMap {
         /// The experiment.
         experiment: String,
+        /// Why not.
+        reason: StaticMapError,
     },
     /// Periods that cannot be averaged.
     #[error("{periods} periods of {lines} lines cannot be averaged")]

@@ -5,7 +5,7 @@ use rotorlead_plant::{Model, Provenance};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use super::stand::StandModel;
-use super::static_map::{StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
+use super::static_map::{StaticMapError, StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
 use super::steps::{StaircaseFit, fit_staircase};
 use super::{
     ChirpIdentification, Finding, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification,
@@ -136,9 +136,8 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     } else {
         of_steps(experiment, options)?
     };
-    identification.add_static_map(experiment);
-    match (&identification.lags, &identification.static_map) {
-        (Lags::None, None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone() }),
+    match (identification.add_static_map(experiment), &identification.lags) {
+        (Err(reason), Lags::None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone(), reason }),
         _ => {
             let model = &identification.model;
             model.check().map_err(|fault| IdentifyError::NoActuator { experiment: experiment.name.clone(), fault })?;
@@ -220,7 +219,7 @@ fn of_steady_points(experiment: &Experiment) -> Identification {
 
 impl Identification {
     /// Fits the static map to all records that may be fitted and are not compensated, and puts it in the model.
-    fn add_static_map(&mut self, experiment: &Experiment) {
+    fn add_static_map(&mut self, experiment: &Experiment) -> Result<(), StaticMapError> {
         let lag_s = median(self.model.points.iter().map(|point| point.time_constant_s + point.delay_s));
         let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
         for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
@@ -229,7 +228,7 @@ impl Identification {
                 points.join(found);
             }
         }
-        let Ok(fit) = fit_static_map(&points) else { return };
+        let fit = fit_static_map(&points)?;
         self.model.static_map.get_or_insert_with(|| points.levels()).polynomial = Some(fit.polynomial());
         self.warnings.extend(fit.warnings.iter().map(|found| Finding {
             severity: Severity::Warning,
@@ -240,6 +239,7 @@ impl Identification {
             remedy: None,
         }));
         self.static_map = Some((points, fit));
+        Ok(())
     }
 }
 

@@ -1,14 +1,15 @@
 //! Static maps with known truth.
 
+use miette::Diagnostic as _;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_identify::Estimate;
 use rotorlead_identify::static_map::{
     Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, SteadySource, fit_static_map,
 };
 use rotorlead_identify::steps::Direction;
-use rotorlead_records::{Excitation, Output, Record};
+use rotorlead_identify::{Estimate, IdentifyError, IdentifyOptions, identify};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 /// Thrust in newtons: zero below the dead zone, then a polynomial, flat beyond the limit, with play.
 #[derive(Clone, Copy, Debug)]
@@ -283,6 +284,28 @@ fn a_ramp_is_as_good_as_a_staircase_when_its_lag_is_known() {
     }
     let blind = from_record(&ramp, None).hysteresis.unwrap();
     assert!((blind.value - 2.0 * rate * lag_s).abs() < 0.2 * 2.0 * rate * lag_s, "{blind:?}");
+}
+
+#[test]
+fn a_response_that_does_not_change_with_the_command_is_said_to_be_so() {
+    for response in [0.0, 3.25, -2.0] {
+        let command: Vec<f64> = (0..8).map(|k| 0.1 * f64::from(k)).collect();
+        let table = shell((0..8).map(f64::from).collect(), command, vec![response; 8], Excitation::Steady);
+        let experiment = Experiment {
+            name: "table".to_owned(),
+            output: Output::ThrustN,
+            sample_rate_hz: None,
+            esc_frame_hz: None,
+            command_rate_hz: None,
+            records: vec![table],
+        };
+        let error = identify(&experiment, &IdentifyOptions::default()).unwrap_err();
+        let reason = StaticMapError::Still { response };
+        assert_eq!(error, IdentifyError::NoStaticMap { experiment: "table".to_owned(), reason });
+        let (text, help) = (error.to_string(), error.help().unwrap().to_string());
+        assert!(text.contains(&format!("is {response} at every command: it does not change")), "{text}");
+        assert!(help.contains("sensor is dead") && help.contains("does not turn") && help.contains("column"), "{help}");
+    }
 }
 
 #[test]

@@ -149,14 +149,18 @@ impl fmt::Display for StaticMapWarning {
 pub enum StaticMapError {
     /// Too few levels.
     #[error("{levels} levels on which the motor runs; a static map needs 4")]
-    #[diagnostic(help("record a staircase over the range of commands, a second or more on each level"))]
+    #[diagnostic(help(
+        "record more levels, or a staircase over the range of commands, a second or more on each: steps show the lag as well"
+    ))]
     TooFewLevels {
         /// Levels at hand.
         levels: usize,
     },
     /// Nothing to fit.
-    #[error("the response is {response} on every level: the sensor is dead, or shows something else")]
-    #[diagnostic(help("check the sensor and its wires; a response of zeros is none"))]
+    #[error("the response is {response} at every command: it does not change with the command")]
+    #[diagnostic(help(
+        "the sensor is dead, the motor does not turn, or another column was taken: check the wires, and which column is the response"
+    ))]
     Still {
         /// The response.
         response: f64,
