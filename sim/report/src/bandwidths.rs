@@ -45,7 +45,11 @@ impl Cell {
     /// A bandwidth: its words and, where there is one, its number.
     #[must_use]
     pub fn bandwidth(bandwidth: Bandwidth, digits: usize) -> Self {
-        Self::shown(bandwidth.rad_s().unwrap_or(f64::NAN), bandwidth_cell(bandwidth, digits))
+        let text = bandwidth_cell(bandwidth, digits);
+        match bandwidth.rad_s().filter(|omega_rad_s| omega_rad_s.is_finite()) {
+            Some(omega_rad_s) => Self::shown(omega_rad_s, text),
+            None => Self::unknown(text),
+        }
     }
 }
 

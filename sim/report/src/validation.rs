@@ -156,7 +156,7 @@ pub fn validation_scores(records: &[RecordValidation]) -> Table {
             Cell::number(record.fit_percent, 2),
             Cell::optional(record.ceiling_percent, 2),
             Cell::optional(left.map(|left| left.power_ratio), 2),
-            left.map_or_else(|| Cell::text("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
+            left.map_or_else(|| Cell::unknown("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
             Cell::optional(record.model_error_percent(), 2),
         ];
         row.extend(any_compensated.then(|| Cell::text(if record.compensated { "yes" } else { "no" })));

@@ -60,7 +60,7 @@ fn levels(fit: &StaircaseFit) -> Table {
         let interval = level.time_constant_s.map(|tau| tau.interval_of_logarithm(0.95));
         let branch = |branch: &Option<Branch>| {
             let tau = branch.and_then(|branch| branch.time_constant_s);
-            let tau = tau.map_or_else(|| Cell::text("-"), |tau| estimate(tau.value, Some(tau.std), 1e3, 1));
+            let tau = tau.map_or_else(|| Cell::unknown("-"), |tau| estimate(tau.value, Some(tau.std), 1e3, 1));
             [tau, Cell::optional(branch.and_then(|branch| branch.fit_percent), 1)]
         };
         let mut row = vec![
@@ -220,7 +220,7 @@ fn lags(identified: &Identification, output: Output) -> Table {
     let row = |(index, point): (usize, &Point)| {
         let delay = match point.delay_s_std {
             Some(std) => estimate(point.delay_s, Some(std), 1e3, 2),
-            None if point.delay_s == 0.0 => Cell::text("-"),
+            None if point.delay_s == 0.0 => Cell::unknown("-"),
             None => Cell::number(1e3 * point.delay_s, 2),
         };
         let mut row = vec![

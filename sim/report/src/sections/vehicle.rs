@@ -93,7 +93,7 @@ pub fn vehicle_other_table(study: &Study, airframe: &Airframe, index: usize) -> 
     let row = |row: &Row| {
         let kept = at.kept_gains.iter().find(|kept| kept.actuator == row.actuator);
         let sensitivity = match kept {
-            None => Cell::text("-"),
+            None => Cell::unknown("-"),
             Some(kept) => kept.max_sensitivity.map_or_else(|| Cell::text("unstable"), |value| Cell::number(value, 2)),
         };
         let own = row.performance.as_ref();

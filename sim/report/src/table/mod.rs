@@ -33,8 +33,19 @@ pub struct Column {
 pub struct Cell {
     /// What is shown.
     pub text: String,
-    /// The number behind it; `None` for words.
-    pub value: Option<f64>,
+    /// What is behind it.
+    pub value: Value,
+}
+
+/// What is behind a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Nothing but its words.
+    Words,
+    /// A number.
+    Number(f64),
+    /// No number, where others of the column have one.
+    Unknown,
 }
 
 impl Column {
@@ -54,13 +65,19 @@ impl Cell {
     /// Words.
     #[must_use]
     pub fn text(text: impl Into<String>) -> Self {
-        Self { text: text.into(), value: None }
+        Self { text: text.into(), value: Value::Words }
+    }
+
+    /// A number that is not known, with what is shown in its place.
+    #[must_use]
+    pub fn unknown(text: impl Into<String>) -> Self {
+        Self { text: text.into(), value: Value::Unknown }
     }
 
     /// A number that is shown as `text`.
     #[must_use]
     pub fn shown(value: f64, text: String) -> Self {
-        Self { text, value: Some(value) }
+        Self { text, value: Value::Number(value) }
     }
 
     /// A number with so many decimals.
@@ -75,7 +92,7 @@ impl Cell {
     /// A number with so many decimals where there is one.
     #[must_use]
     pub fn optional(value: Option<f64>, decimals: usize) -> Self {
-        value.map_or_else(|| Self::text("-"), |value| Self::number(value, decimals))
+        value.map_or_else(|| Self::unknown("-"), |value| Self::number(value, decimals))
     }
 }
 
@@ -95,7 +112,7 @@ impl Table {
 
     /// Whether a column holds numbers.
     pub(crate) fn is_number(&self, column: &usize) -> bool {
-        self.rows.iter().any(|row| row.get(*column).is_some_and(|cell| cell.value.is_some()))
+        self.rows.iter().any(|row| row.get(*column).is_some_and(|cell| cell.value != Value::Words))
     }
 
     /// The table as CSV: numbers in full, nothing where there is none.
@@ -105,8 +122,8 @@ impl Table {
         let numeric: Vec<bool> = (0..self.columns.len()).map(|column| self.is_number(&column)).collect();
         let header = self.columns.iter().map(|column| column.name.to_owned()).collect();
         let cell = |(cell, is_number): (&Cell, &bool)| match cell.value {
-            Some(value) if value.is_finite() => value.to_string(),
-            None if !is_number => escape::cell(&cell.text).into_owned(),
+            Value::Number(value) if value.is_finite() => value.to_string(),
+            Value::Words if !is_number => escape::cell(&cell.text).into_owned(),
             _ => String::new(),
         };
         let rows = self.rows.iter().map(|row| row.iter().zip(&numeric).map(cell).collect());
@@ -137,5 +154,8 @@ mod tests {
         assert_eq!(table.csv(), "file,fit_percent\n\"a, b.csv\",98.7654321\nc.csv,\n");
         assert_eq!(table.rows[0][1].text, "98.77");
         assert!(table.is_number(&1) && !table.is_number(&0));
+        // Also where none of a column is known.
+        let unknown = Table { rows: vec![vec![Cell::text("c.csv"), Cell::unknown("> 300")]], ..table };
+        assert_eq!(unknown.csv(), "file,fit_percent\nc.csv,\n");
     }
 }
