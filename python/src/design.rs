@@ -60,7 +60,7 @@ pub fn design<'py>(
         ("slew_per_s", slew_per_s),
     ];
     for (name, number) in numbers {
-        number.map_or(Ok(()), |number| Place::root().key(name).positive(number)).map_err(|fault| refused(&fault))?;
+        number.map_or(Ok(()), |number| Place::root().key(name).accept(number)).map_err(|fault| refused(&fault))?;
     }
     for (name, range) in [("output_range", output_range), ("compensate_range", compensate_range)] {
         range.map_or(Ok(()), |range| commands(name, range)).map_err(|fault| refused(&fault))?;

@@ -139,7 +139,7 @@ fn options_that_do_not_go_together_are_wrong_use() {
         ("diagnose stand --bandwidths table.csv --model paper.toml", &["cannot be used with", "--bandwidths"]),
         ("diagnose stand --compensator c.toml", &["cannot be used with", "--compensator"]),
         ("diagnose stand --take parameter_error", &["cannot be used with", "--take"]),
-        ("diagnose --bandwidths table.csv --model paper.toml --accuracy 0", &["--accuracy", "above zero"]),
+        ("diagnose --bandwidths table.csv --model paper.toml --accuracy 0", &["--accuracy", "above 0"]),
         ("diagnose --bandwidths table.csv --model paper.toml --fit both", &["--fit", "uncompensated"]),
     ] {
         stand.refuses(arguments, 2, parts);

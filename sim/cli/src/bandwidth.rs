@@ -13,6 +13,7 @@ use rotorlead_identify::{
 use rotorlead_plant::effect::{Kind, Linearity};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::Experiment;
+use rotorlead_records::files::Quantity;
 use rotorlead_report::{
     Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, in_short,
     measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
@@ -24,7 +25,7 @@ use serde_json::Value;
 use super::deviations::{self, Deviations};
 use super::latency::{LatencyArguments, counted_delays, counted_holds};
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
-use super::parameters::{DesignArguments, positive, step_size};
+use super::parameters::{DesignArguments, number};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 
@@ -56,10 +57,10 @@ pub struct Bandwidth {
     sampled: bool,
     /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given. Frames
     /// that follow the input's pulses come at --input-frame
-    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = number(Quantity::ESC_FRAME_HZ), allow_negative_numbers = true)]
     esc_frame: Option<f64>,
     /// Also simulate steps of these sizes, up and down, through the controller's own filter with its limits and the ESC's frames
-    #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = step_size, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
     steps: Vec<f64>,
     /// Also simulate actuators that differ from the model (time constants, sag, delays, a second lag), beside the paper's lead
     #[arg(long, conflicts_with = "lead")]
@@ -248,16 +249,15 @@ pub fn counted_effects(effects: &[ActiveEffect]) -> String {
 }
 
 fn lead(text: &str) -> Result<LeadParameters, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number")))
-        .collect::<Result<_, _>>()?;
-    match numbers[..] {
-        [omega_z_rad_s, omega_f_rad_s, damping] if numbers.iter().all(|number| *number > 0.0 && number.is_finite()) => {
-            LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }.checked().map_err(|error| error.to_string())
-        }
-        _ => Err(String::from(
-            "three numbers above zero are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707",
-        )),
-    }
+    let remedy = "give three numbers: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707";
+    let [zero, poles, damping] = text.split(',').map(str::trim).collect::<Vec<_>>()[..] else {
+        return Err(remedy.to_owned());
+    };
+    let rad_s = number(Quantity::FREQUENCY_RAD_S);
+    let lead = LeadParameters {
+        omega_z_rad_s: rad_s(zero)?,
+        omega_f_rad_s: rad_s(poles)?,
+        damping: number(Quantity::DAMPING)(damping)?,
+    };
+    lead.checked().map_err(|error| error.to_string())
 }

@@ -12,7 +12,7 @@ use rotorlead_diagnose::{Verdict, by_name};
 use rotorlead_identify::design::{DesignOptions, design};
 use rotorlead_plant::CompensatorDesign;
 use rotorlead_plant::{Catalog, Model, Provenance};
-use rotorlead_records::files::check_writable;
+use rotorlead_records::files::{Quantity, check_writable};
 use rotorlead_report::Verdict as Headline;
 use rotorlead_report::{
     Report, bandwidth_diagnosis_section, diagnosis_tone, explanations_table, parameter_table, predicted_table,
@@ -21,7 +21,7 @@ use rotorlead_report::{
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, wrapped};
-use super::parameters::positive;
+use super::parameters::number;
 use super::report_option::ReportOption;
 use super::report_pages;
 
@@ -42,7 +42,7 @@ pub struct BandwidthArguments {
     #[arg(long, value_name = "COLUMN", conflicts_with = "experiment", default_value = "uncompensated")]
     fit: FittedColumn,
     /// Standard error of a measured bandwidth, as a part of it, where it is known, as in 0.02
-    #[arg(long, value_name = "PART", conflicts_with = "experiment", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PART", conflicts_with = "experiment", value_parser = number(Quantity::ACCURACY), allow_negative_numbers = true)]
     accuracy: Option<f64>,
     /// Take this explanation, by its name in the list, in place of the one that the rules choose
     #[arg(long, value_name = "EXPLANATION", conflicts_with = "experiment")]

@@ -8,13 +8,13 @@ use miette::Diagnostic as _;
 use rotorlead_plant::bench::multisine::{
     DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize,
 };
-use rotorlead_records::files::{check_writable, write_file};
+use rotorlead_records::files::{Quantity, check_writable, write_file};
 use rotorlead_report::{Fact, Report, Section, Tone, Verdict, excitation};
 use serde_json::json;
 
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
-use super::parameters::{fraction, positive, range};
+use super::parameters::{number, range};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 
@@ -33,19 +33,19 @@ const MOST_SAMPLES: f64 = 2e7;
 #[derive(Args, Debug)]
 pub struct Excite {
     /// Band in hertz
-    #[arg(long, value_name = "LOW..HIGH", default_value = "0.1..30", value_parser = range, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW..HIGH", default_value = "0.1..30", value_parser = range(Quantity::BAND_HZ), allow_hyphen_values = true)]
     band: (f64, f64),
     /// Period in seconds; the lines are 2/period apart
-    #[arg(long, value_name = "S", default_value = "10", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value = "10", value_parser = number(Quantity::DURATION_S), allow_hyphen_values = true)]
     period: f64,
     /// Rate of the samples in hertz
-    #[arg(long, value_name = "HZ", default_value = "5000", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "HZ", default_value = "5000", value_parser = number(Quantity::SAMPLE_RATE_HZ), allow_hyphen_values = true)]
     rate: f64,
     /// Command around which it runs, 0..1
-    #[arg(long, value_name = "U", default_value = "0.5", value_parser = fraction, allow_hyphen_values = true)]
+    #[arg(long, value_name = "U", default_value = "0.5", value_parser = number(Quantity::DUTY), allow_hyphen_values = true)]
     nominal: f64,
     /// Peak deviation of the command
-    #[arg(long, value_name = "U", default_value = "0.05", value_parser = fraction, allow_hyphen_values = true)]
+    #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(Quantity::AMPLITUDE), allow_hyphen_values = true)]
     amplitude: f64,
     /// Skip odd lines and draw the phases, to detect nonlinear distortion
     #[arg(long)]

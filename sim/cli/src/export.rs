@@ -7,10 +7,11 @@ use clap::{Args, ValueEnum};
 use rotorlead_identify::stack_parameters::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
+use rotorlead_records::files::Quantity;
 
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
-use super::parameters::{commands, fraction};
+use super::parameters::{number, range};
 
 /// Prints a model's parameters as a flight stack or a simulator calls them
 ///
@@ -29,11 +30,11 @@ pub struct Export {
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
     /// Command at which a time constant is taken, such as that of hover; the middle of those measured unless given
-    #[arg(long, value_name = "COMMAND", value_parser = fraction, allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
     at: Option<f64>,
     /// Commands that are the stack's lowest and highest motor output: 0.15..0.95 for ardupilot (MOT_SPIN_MIN, MOT_SPIN_MAX),
     /// 0.055..1 for betaflight (its idle and motor_output_limit), and 0..1 unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = commands, allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
     output_range: Option<(f64, f64)>,
     /// Motors, for stacks that take a value for each; 4 unless given
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(1..=32), allow_negative_numbers = true)]

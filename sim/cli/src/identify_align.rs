@@ -9,10 +9,12 @@ use rotorlead_identify::Estimate;
 use rotorlead_identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
+use rotorlead_records::files::Quantity;
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
 use serde::Serialize;
 
 use super::WrongUse;
+use super::parameters::number;
 
 /// How logs are merged.
 #[derive(Args, Debug)]
@@ -27,10 +29,10 @@ pub struct AlignOptions {
     #[arg(long, value_name = "SECONDS|start", requires = "align_within", value_parser = near, allow_hyphen_values = true)]
     align_near: Option<Near>,
     /// Greatest distance of the delay from --align-near that is searched, seconds either way; without it, any
-    #[arg(long, value_name = "SECONDS", requires = "align", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", requires = "align", value_parser = number(Quantity::DURATION_S))]
     align_within: Option<f64>,
     /// The actuator's own dead time in seconds, where it is known from elsewhere: so much of the delay stays
-    #[arg(long, value_name = "SECONDS", requires = "align", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "SECONDS", requires = "align", default_value_t = 0.0, value_parser = number(Quantity::DELAY_S))]
     dead_time: f64,
     /// Where to write the merged experiment, which is made
     #[arg(long, value_name = "DIR", requires = "align")]
@@ -211,23 +213,5 @@ fn interval(estimate: Estimate, scale: f64, digits: usize) -> String {
 }
 
 fn near(text: &str) -> Result<Near, String> {
-    match text.parse::<f64>() {
-        _ if text == "start" => Ok(Near::Start),
-        Ok(seconds) if seconds.is_finite() => Ok(Near::Delay(seconds)),
-        _ => Err(String::from("a number of seconds, or `start`")),
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match not_negative(text)? {
-        value if value > 0.0 => Ok(value),
-        _ => Err(String::from("above 0, in seconds")),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err(String::from("a number of seconds, 0 or more")),
-    }
+    if text == "start" { Ok(Near::Start) } else { number(Quantity::TIME_S)(text).map(Near::Delay) }
 }

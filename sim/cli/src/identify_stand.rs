@@ -9,11 +9,12 @@ use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
 use rotorlead_identify::{power_over_noise, times_noise, with_advice};
 use rotorlead_records::Experiment;
-use rotorlead_records::files::check_writable;
+use rotorlead_records::files::{Quantity, check_writable};
 use rotorlead_report::{Report, Tone, Verdict, stand_section, stand_table, with_std};
 use serde::Serialize;
 
 use super::outcome::{Outcome, warning_lines};
+use super::parameters::number;
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 
@@ -24,7 +25,7 @@ pub struct StandArguments {
     #[arg(long, value_name = "POLES", requires = "stand", value_parser = clap::value_parser!(u8).range(1..=16))]
     order: Option<u8>,
     /// With --stand: the highest frequency of the fit, hertz
-    #[arg(long, value_name = "HZ", requires = "stand")]
+    #[arg(long, value_name = "HZ", requires = "stand", value_parser = number(Quantity::FREQUENCY_HZ))]
     top: Option<f64>,
 }
 
@@ -111,7 +112,7 @@ struct Values<'a> {
     usable_hz: Option<f64>,
     usable_hz_std: Option<f64>,
     top_hz: f64,
-    reduced_chi_square: f64,
+    reduced_chi_square: Option<f64>,
     power_p_value: f64,
     whiteness_p_value: f64,
     input_independence_p_value: f64,

@@ -8,7 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use miette::{Diagnostic as _, miette};
 use rotorlead_identify::Finding;
 use rotorlead_identify::check::of_record;
-use rotorlead_records::files::FileError;
+use rotorlead_records::files::{FileError, Quantity};
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
@@ -19,7 +19,7 @@ use serde_json::json;
 use super::WrongUse;
 use super::check::words;
 use super::outcome::{JsonOption, Outcome, wrapped};
-use super::parameters::{fraction, positive, range};
+use super::parameters::{number, range};
 use super::progress;
 
 /// Takes logs of other tools as an experiment
@@ -71,20 +71,20 @@ pub struct Import {
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
     /// Period of a multisine, square or triangle, in seconds
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number(Quantity::DURATION_S), allow_negative_numbers = true)]
     period_s: Option<f64>,
     /// Command around which it was run, 0..1; found from the command's column unless given
-    #[arg(long, value_name = "COMMAND", value_parser = fraction, allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
     nominal: Option<f64>,
     /// How far the command goes to either side of it, 0..1; found from the command's column unless given
-    #[arg(long, value_name = "COMMAND", value_parser = amplitude, allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Which part of the log to take, in seconds from its first row; all of it unless given
     #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
     /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, and of
     /// DataFlash what its parameters MOT_PWM_MIN and MOT_PWM_MAX say
-    #[arg(long, value_name = "LOW..HIGH", value_parser = pulses, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
     /// Which motor to take of an autopilot's log, from 1; the first unless given, or the chirp of a DataFlash log that has one
     #[arg(long, value_name = "N")]
@@ -311,27 +311,12 @@ fn describe(summary: &ImportSummary) -> String {
     text
 }
 
-/// [`range`] of pulse widths, which are above zero.
-fn pulses(text: &str) -> Result<(f64, f64), String> {
-    let widths = range(text)
-        .map_err(|_| String::from("write it as LOW..HIGH in microseconds with LOW below HIGH, as in 1000..2000"))?;
-    match widths {
-        (low, _) if low < 0.0 => Err(String::from("a pulse is no shorter than 0 microseconds")),
-        range => Ok(range),
-    }
-}
-
 /// [`range`] of seconds after a first row.
 fn seconds(text: &str) -> Result<(f64, f64), String> {
-    match range(text)? {
+    match range(Quantity::TIME_S)(text)? {
         (from, _) if from < 0.0 => Err(String::from("nothing is before the first row, which is at 0 seconds")),
         range => Ok(range),
     }
-}
-
-/// [`fraction`] above zero.
-fn amplitude(text: &str) -> Result<f64, String> {
-    fraction(text).ok().filter(|value| *value > 0.0).ok_or_else(|| String::from("a number above 0, up to 1, is needed"))
 }
 
 fn outputs() -> impl clap::builder::TypedValueParser<Value = Output> {

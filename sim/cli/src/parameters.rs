@@ -7,6 +7,7 @@ use miette::WrapErr as _;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{DesignOptions, InverseOptions, Setting};
 use rotorlead_plant::Model;
+use rotorlead_records::files::Quantity;
 use rotorlead_results::Designed;
 
 use super::WrongUse;
@@ -19,32 +20,32 @@ pub struct DesignArguments {
     #[arg(long, value_enum, default_value_t = Kind::Lead)]
     kind: Kind,
     /// Highest frequency that a lead is to amplify; 2 pi 100 rad/s, the paper's, unless given
-    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     omega_g: Option<f64>,
     /// Damping ratio of the poles; 1/sqrt(2) unless given
-    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RATIO", value_parser = number(Quantity::DAMPING), allow_negative_numbers = true)]
     damping: Option<f64>,
     /// Rate at which the filter runs; 5000 Hz unless given
-    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", value_parser = number(Quantity::LOOP_RATE_HZ), allow_negative_numbers = true)]
     loop_rate: Option<f64>,
     /// Frequency at which the sampled lead is to match the continuous one exactly
-    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     prewarp: Option<f64>,
     /// Natural frequency of an inverse's reference model; 94.2 rad/s unless given, and 125 with --setting robust
-    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     natural: Option<f64>,
     /// Table of an inverse: the time constants as they are, or nine tenths of them; exact where they are known well enough
     /// unless given
     #[arg(long, value_enum)]
     setting: Option<SettingName>,
     /// Most by which the ESC changes its output per second: 20 is 2 % per millisecond; no limit unless given
-    #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PER_S", value_parser = number(Quantity::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     /// Lowest and highest command that the ESC gets, for an inverse; 0..1 unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = commands, allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
     output_range: Option<(f64, f64)>,
     /// Commands of the flight controller for which an inverse is in the path; the measured ones and 0.05 beyond unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = commands, allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
     compensate_range: Option<(f64, f64)>,
 }
 
@@ -140,42 +141,68 @@ impl SettingName {
     }
 }
 
-/// A number above zero.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(String::from("a number above zero is needed")),
+/// A number of that range: what options accept is stated where it is for the keys of files.
+pub fn number(quantity: Quantity) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let value = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+        quantity.accept(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
     }
 }
 
-/// Sizes of steps, `SIZE[,SIZE...]`, is parsed one by one.
-pub fn step_size(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value <= 1.0 => Ok(value),
-        _ => Err(String::from("a size of a step, above 0 and up to 1, is needed")),
+/// `LOW..HIGH`, both numbers of that range, the first lower.
+pub fn range(quantity: Quantity) -> impl Fn(&str) -> Result<(f64, f64), String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
+        let (low, high) = text.split_once("..").ok_or_else(remedy)?;
+        let (low, high) = (number(quantity)(low)?, number(quantity)(high)?);
+        if low < high { Ok((low, high)) } else { Err(remedy()) }
     }
 }
 
-/// A number from 0 to 1.
-pub fn fraction(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
-        _ => Err(String::from("a number from 0 to 1 is needed")),
-    }
-}
+#[cfg(test)]
+mod tests {
+    use std::any::TypeId;
 
-/// `LOW..HIGH`, both commands from 0 to 1, the first lower.
-pub fn commands(text: &str) -> Result<(f64, f64), String> {
-    match range(text) {
-        Ok((low, high)) if low >= 0.0 && high <= 1.0 => Ok((low, high)),
-        _ => Err(String::from("write it as LOW..HIGH, two commands from 0 to 1 with LOW below HIGH, as in 0.05..1")),
-    }
-}
+    use clap::{Arg, Command};
 
-/// `LOW..HIGH`, both finite numbers, the first lower.
-pub fn range(text: &str) -> Result<(f64, f64), String> {
-    let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
-    let (low, high) = text.split_once("..").ok_or_else(remedy)?;
-    let (low, high): (f64, f64) = (low.parse().map_err(|_| remedy())?, high.parse().map_err(|_| remedy())?);
-    if low.is_finite() && high.is_finite() && low < high { Ok((low, high)) } else { Err(remedy()) }
+    use super::*;
+
+    /// Every option of every command with values of this type, and what it accepts of a text.
+    fn options_of<T: 'static>(command: &Command) -> Vec<(String, Arg)> {
+        let is_of = |argument: &&Arg| argument.get_value_parser().type_id() == TypeId::of::<T>();
+        let named = |argument: &Arg| (format!("{} --{}", command.get_name(), argument.get_id()), argument.clone());
+        let own = command.get_arguments().filter(is_of).map(named);
+        own.chain(command.get_subcommands().flat_map(options_of::<T>)).collect()
+    }
+
+    fn accepts(option: &Arg, text: &str) -> bool {
+        let value = Arg::new("value").value_parser(option.get_value_parser().clone()).allow_hyphen_values(true);
+        Command::new("alone").arg(value).try_get_matches_from(["alone", text]).is_ok()
+    }
+
+    #[test]
+    fn every_number_of_the_command_line_has_bounds() {
+        let command = crate::command_line();
+        let (numbers, ranges) = (options_of::<f64>(&command), options_of::<(f64, f64)>(&command));
+        assert!(numbers.len() > 20 && ranges.len() > 3, "{numbers:?} {ranges:?}");
+        for text in ["1e300", "-1e300", "nan", "inf", "one"] {
+            let unbounded: Vec<_> = numbers.iter().filter(|(_, option)| accepts(option, text)).collect();
+            assert!(unbounded.is_empty(), "{text}: {unbounded:?}");
+            for range in [format!("{text}..0.5"), format!("0.5..{text}")] {
+                let unbounded: Vec<_> = ranges.iter().filter(|(_, option)| accepts(option, &range)).collect();
+                assert!(unbounded.is_empty(), "{range}: {unbounded:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_option_has_the_range_of_the_key_that_it_stands_for() {
+        let refused = number(Quantity::DURATION_S)("1e6").unwrap_err();
+        assert!(refused.starts_with("1000000 is not from 0.0001 to 100000; give a value"), "{refused}");
+        assert_eq!(number(Quantity::DURATION_S)("1e5"), Ok(1e5));
+        assert_eq!(range(Quantity::DUTY)("0.05..1"), Ok((0.05, 1.0)));
+        for wrong in ["1..0", "0.5..0.5", "0..1.5", "0,1", ".."] {
+            assert!(range(Quantity::DUTY)(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -9,13 +9,13 @@ use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_identify::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
 };
-use rotorlead_records::files::{FileError, check_writable};
+use rotorlead_records::files::{FileError, Quantity, check_writable};
 use rotorlead_report::{Section, bandwidth_cell, in_short, redesign_sections, redesign_table};
 use serde::Serialize;
 
 use super::WrongUse;
 use super::outcome::wrapped;
-use super::parameters::{DesignArguments, positive};
+use super::parameters::{DesignArguments, number};
 use super::progress;
 
 /// Width of what is said.
@@ -35,7 +35,7 @@ pub struct RedesignArguments {
     #[arg(long, value_name = "FILE", requires = "redesign")]
     out_compensator: Option<PathBuf>,
     /// Peak deviation of the command for which the prediction is made, for --redesign; 0.05 unless given
-    #[arg(long, value_name = "U", requires = "redesign", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "U", requires = "redesign", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
     at_amplitude: Option<f64>,
     #[command(flatten)]
     parameters: DesignArguments,

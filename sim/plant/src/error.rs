@@ -44,7 +44,11 @@ pub enum PlantError {
         /// How many there may be.
         most: usize,
     },
-    /// A setting of a stage or of the noise is outside what it can be.
+    /// A value of the noise breaks a rule.
+    #[error("the noise: {0}")]
+    #[diagnostic(help("{}", .0.help))]
+    Noise(Fault),
+    /// A setting of a stage is outside what it can be.
     #[error("{parameter} = {value} must be {limit}")]
     #[diagnostic(help("change {parameter}"))]
     Setting {
@@ -65,15 +69,6 @@ pub enum PlantError {
         ticks: f64,
         /// Ticks that are simulated at most.
         most: f64,
-    },
-    /// A setting is missing that another one makes necessary.
-    #[error("{parameter} is missing: {reason}")]
-    #[diagnostic(help("add {parameter}"))]
-    MissingSetting {
-        /// The setting's name.
-        parameter: &'static str,
-        /// What makes it necessary.
-        reason: &'static str,
     },
 }
 

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
+use rotorlead_records::files::{Fault, Place};
 use serde::{Deserialize, Serialize};
 
 use super::PlantError;
-use super::error::checked;
 
 /// What the noise of a thrust sensor is like. The `[noise]` table of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -49,37 +49,26 @@ impl Noise {
         self.sigma_n == 0.0 && self.hum_n.is_none_or(|hum_n| hum_n == 0.0)
     }
 
-    /// Checks ranges and that nothing is missing.
+    /// Checks ranges and that nothing is missing; `place` is that of the table.
     ///
     /// # Errors
-    /// [`PlantError::Setting`] or [`PlantError::MissingSetting`], which name the key.
-    pub fn check(&self) -> Result<(), PlantError> {
-        let not_negative = |value: f64| value.is_finite() && value >= 0.0;
-        checked("sigma_n", self.sigma_n, "finite and not negative", not_negative(self.sigma_n))?;
+    /// A fault at the key.
+    pub fn check(&self, place: &Place) -> Result<(), Fault> {
+        let numbers =
+            [("sigma_n", Some(self.sigma_n)), ("pole", self.pole), ("hum_n", self.hum_n), ("hum_hz", self.hum_hz)];
+        for (key, value) in numbers {
+            value.map_or(Ok(()), |value| place.key(key).accept(value))?;
+        }
+        let missing =
+            |key: &str, reason: &str| Err(place.key(key).fault(format!("missing: {reason}"), format!("add {key}")));
         match (self.color, self.pole) {
-            (Color::Ar1, None) => {
-                let reason = "noise of color \"ar1\" has a pole";
-                return Err(PlantError::MissingSetting { parameter: "pole", reason });
+            (Color::Ar1, None) => missing("pole", "noise of color \"ar1\" has a pole"),
+            (Color::White, Some(_)) => {
+                Err(place.key("pole").fault("white noise has none", "remove it, or set color = \"ar1\""))
             }
-            (Color::Ar1, Some(pole)) => {
-                checked("pole", pole, "between -1 and 1, both excluded", pole.abs() < 1.0)?;
-            }
-            (Color::White, Some(pole)) => {
-                return Err(PlantError::Setting { parameter: "pole", value: pole, limit: "absent for white noise" });
-            }
-            (Color::White, None) => {}
+            _ if self.hum_n.is_some() && self.hum_hz.is_none() => missing("hum_hz", "hum has a frequency"),
+            _ => Ok(()),
         }
-        if let Some(hum_n) = self.hum_n {
-            checked("hum_n", hum_n, "finite and not negative", not_negative(hum_n))?;
-            if self.hum_hz.is_none() {
-                let reason = "hum has a frequency";
-                return Err(PlantError::MissingSetting { parameter: "hum_hz", reason });
-            }
-        }
-        if let Some(hum_hz) = self.hum_hz {
-            checked("hum_hz", hum_hz, "finite and above 0", hum_hz.is_finite() && hum_hz > 0.0)?;
-        }
-        Ok(())
     }
 }
 
@@ -104,7 +93,7 @@ impl SensorNoise {
     /// # Errors
     /// What [`Noise::check`] finds.
     pub fn new(noise: Noise, seed: u64, stream: u64) -> Result<Self, PlantError> {
-        noise.check()?;
+        noise.check(&Place::root()).map_err(PlantError::Noise)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
         let turn = Uniform::new(0.0, TAU).expect("0 is below a turn");
@@ -211,21 +200,18 @@ mod tests {
         for (noise, parameter) in [
             (Noise { sigma_n: -1.0, ..good }, "sigma_n"),
             (Noise { sigma_n: f64::NAN, ..good }, "sigma_n"),
+            // As a plan's: the ranges are those of `docs/ranges.md`.
+            (Noise { sigma_n: 1e9, ..good }, "sigma_n"),
+            (Noise { hum_n: Some(0.1), hum_hz: Some(1e9), ..good }, "hum_hz"),
             (Noise { color: Color::Ar1, ..good }, "pole"),
             (Noise { color: Color::Ar1, pole: Some(1.0), ..good }, "pole"),
             (Noise { pole: Some(0.5), ..good }, "pole"),
             (Noise { hum_n: Some(0.1), ..good }, "hum_hz"),
             (Noise { hum_n: Some(0.1), hum_hz: Some(0.0), ..good }, "hum_hz"),
         ] {
-            match noise.check() {
-                Err(
-                    PlantError::Setting { parameter: named, .. } | PlantError::MissingSetting { parameter: named, .. },
-                ) => {
-                    assert_eq!(named, parameter);
-                }
-                other => panic!("{noise:?} gave {other:?}"),
-            }
+            let fault = noise.check(&Place::root()).unwrap_err();
+            assert_eq!(fault.place, Place::root().key(parameter), "{noise:?}");
         }
-        assert_eq!(good.check(), Ok(()));
+        assert_eq!(good.check(&Place::root()), Ok(()));
     }
 }

@@ -19,7 +19,7 @@ use rotorlead_identify::{
 };
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
-use rotorlead_records::files::{make_folder, write_file};
+use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_report::{
     Color, Curve, Figure, FigureKind, Mark, Report, bandwidth_section, bode, design_section, excitation_section,
@@ -29,7 +29,7 @@ use serde::Serialize;
 
 use super::bandwidth::RESAMPLES;
 use super::outcome::{JsonOption, Outcome};
-use super::parameters::positive;
+use super::parameters::number;
 use super::report_option::{ReportOption, check_folder};
 use super::simulate::simulate;
 use super::{progress, report_pages};
@@ -53,7 +53,7 @@ pub struct Demo {
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     /// Most by which the command of C(s) changes per second: 20 is 2 % per millisecond; no limit unless given, as in the paper
-    #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PER_S", value_parser = number(Quantity::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     #[command(flatten)]
     report: ReportOption,

@@ -20,10 +20,11 @@ use rotorlead::settings::{CompensatorKind, MOTORS, Settings};
 use rotorlead::throttle::Throttle;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
+use rotorlead_records::files::Quantity;
 use serde_json::{Value, json};
 
 use super::outcome::{JsonOption, Outcome, Verbosity, warning_lines};
-use super::parameters::positive;
+use super::parameters::number;
 
 /// Talks to a controller over its serial port, or to one in the emulator
 #[derive(Args, Debug)]
@@ -35,22 +36,12 @@ pub struct Device {
     #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD)]
     baud: u32,
     /// How long an answer is waited for, seconds
-    #[arg(long, value_name = "S", default_value = "1", value_parser = timeout)]
+    #[arg(long, value_name = "S", default_value = "1", value_parser = number(Quantity::DURATION_S))]
     timeout: f64,
     #[command(subcommand)]
     action: Action,
     #[command(flatten)]
     json: JsonOption,
-}
-
-/// Longest that an answer may be waited for, seconds: a day.
-const LONGEST_TIMEOUT_S: f64 = 86_400.0;
-
-fn timeout(text: &str) -> Result<f64, String> {
-    positive(text)
-        .ok()
-        .filter(|seconds| *seconds <= LONGEST_TIMEOUT_S)
-        .ok_or_else(|| format!("seconds above zero are needed, and at most {LONGEST_TIMEOUT_S}, a day"))
 }
 
 #[derive(Debug, Subcommand)]

@@ -8,6 +8,7 @@ use rotorlead::settings::Settings;
 use rotorlead_device::{Calibration, DeviceError, Recorded, Recording, Sensors, Session};
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
+use rotorlead_records::files::Quantity;
 use rotorlead_records::{Excitation, Role};
 use serde_json::json;
 use thiserror::Error;
@@ -16,7 +17,7 @@ use super::folder::ExperimentFolder;
 use super::{bench_frame_hz, is_compensated, own_help};
 use crate::WrongUse;
 use crate::outcome::Outcome;
-use crate::parameters::{fraction, positive};
+use crate::parameters::number;
 use crate::progress;
 
 /// What measures the response.
@@ -24,10 +25,10 @@ use crate::progress;
 #[group(required = true, multiple = true)]
 pub(super) struct Sensor {
     /// Thrust sensor: newtons per count of the converter
-    #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "zero_count")]
+    #[arg(long, value_name = "N", value_parser = number(Quantity::NUMBER), allow_negative_numbers = true, requires = "zero_count")]
     newtons_per_count: Option<f64>,
     /// Thrust sensor: the converter's count without thrust
-    #[arg(long, value_name = "COUNT", allow_negative_numbers = true, requires = "newtons_per_count")]
+    #[arg(long, value_name = "COUNT", value_parser = number(Quantity::NUMBER), allow_negative_numbers = true, requires = "newtons_per_count")]
     zero_count: Option<f64>,
     /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
     #[arg(long, value_name = "N", value_parser = motor_poles)]
@@ -57,7 +58,7 @@ pub(super) struct Record {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     /// How long
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = number(Quantity::DURATION_S))]
     seconds: f64,
     /// The motor, from 0
     #[arg(long, default_value_t = 0)]
@@ -69,13 +70,13 @@ pub(super) struct Record {
     #[arg(long, value_enum, default_value_t = Played::Free)]
     excitation: Played,
     /// Command around which the motor is run, 0..1; the mean of what is recorded unless given
-    #[arg(long, value_name = "U", value_parser = fraction, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    #[arg(long, value_name = "U", value_parser = number(Quantity::DUTY), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     nominal: Option<f64>,
     /// Peak deviation of the command from it; the largest that is recorded unless given
-    #[arg(long, value_name = "U", value_parser = positive)]
+    #[arg(long, value_name = "U", value_parser = number(Quantity::AMPLITUDE))]
     amplitude: Option<f64>,
     /// Period of a multisine, a square wave or a triangle
-    #[arg(long, value_name = "S", value_parser = positive, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    #[arg(long, value_name = "S", value_parser = number(Quantity::DURATION_S), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     period_s: Option<f64>,
     /// What the record is for; the tools choose unless given
     #[arg(long, value_enum)]

@@ -7,7 +7,7 @@ use rotorlead_records::{Excitation, Output, Role};
 use serde::{Deserialize, Serialize};
 
 use super::signal::Signal;
-use crate::{Model, Noise, PlantError};
+use crate::{Model, Noise};
 
 /// Peak deviation of the command in the paper's experiments.
 const PAPER_AMPLITUDE: f64 = 0.05;
@@ -238,25 +238,13 @@ impl Plan {
             at("esc_frame_hz").accept(frame_hz)?;
         }
         at("sample_rate_hz").accept(f64::from(self.sample_rate_hz))?;
-        let noise = [("sigma_n", Some(self.noise.sigma_n)), ("hum_n", self.noise.hum_n), ("hum_hz", self.noise.hum_hz)];
-        for (key, value) in noise {
-            value.map_or(Ok(()), |value| at("noise").key(key).accept(value))?;
-        }
         if !(0.0..1.0).contains(&self.esc_frame_phase) {
             return Err(at("esc_frame_phase").fault(
                 format!("{} is not in 0..1 (1 excluded)", self.esc_frame_phase),
                 "give the part of a frame between the first tick and the first frame",
             ));
         }
-        self.noise.check().map_err(|error| match error {
-            PlantError::Setting { parameter, value, limit } => at("noise")
-                .key(parameter)
-                .fault(format!("{value} must be {limit}"), format!("change {parameter} of [noise]")),
-            PlantError::MissingSetting { parameter, reason } => {
-                at("noise").fault(format!("{parameter} is missing: {reason}"), format!("add {parameter}"))
-            }
-            other => at("noise").fault(other.to_string(), "correct [noise]"),
-        })?;
+        self.noise.check(&at("noise"))?;
         if self.records.is_empty() {
             return Err(at("record").fault("there are no records to run", "add a [[record]]"));
         }
@@ -368,7 +356,7 @@ hold_s = 2.5
             ("esc_frame_hz = 600", "esc_frame_hz = 0", ["esc_frame_hz", "above 0"]),
             ("esc_frame_hz = 600", "esc_frame_phase = 1", ["esc_frame_phase", "0..1"]),
             ("sigma_n = 0.02", "sigma_n = -0.02", ["sigma_n", "0 or more"]),
-            ("pole = 0.9", "pole = 1.0", ["pole", "between -1 and 1"]),
+            ("pole = 0.9", "pole = 1.0", ["pole", "-0.999999 to 0.999999"]),
             ("pole = 0.9", "", ["pole", "missing"]),
             ("color = \"ar1\"", "color = \"pink\"", ["pink", "white"]),
             ("lines = 225", "lines = 151", ["`record` 1, `lines`", "150"]),

@@ -160,7 +160,7 @@ fn experiment(plan: &Plan, model: &Model, records: Vec<Record>) -> Result<Experi
 /// # Errors
 /// [`PlantError`] when the noise is impossible.
 pub fn add_noise(experiment: &mut Experiment, noise: Noise, seed: u64) -> Result<(), PlantError> {
-    noise.check()?;
+    noise.check(&Place::root()).map_err(PlantError::Noise)?;
     if noise.is_silent() {
         return Ok(());
     }

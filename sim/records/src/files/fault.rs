@@ -65,20 +65,12 @@ impl Place {
         Fault { place: self, message: message.into(), help: help.into() }
     }
 
-    /// The last key on the way.
-    pub(super) fn last_key(&self) -> Option<&str> {
-        self.0.iter().rev().find_map(|step| match step {
+    /// The keys on the way, the last one first.
+    pub(super) fn keys_from_last(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().rev().filter_map(|step| match step {
             Step::Key(key) => Some(key.as_str()),
             Step::Item(_) => None,
         })
-    }
-
-    /// Accepts a finite number above zero: an argument that is in no file.
-    ///
-    /// # Errors
-    /// A fault at this place for anything else.
-    pub fn positive(self, value: f64) -> Result<(), Fault> {
-        self.require(value, value > 0.0, "a finite number above 0")
     }
 
     /// Accepts zero and finite numbers above it: a standard error, whatever it is one of.
@@ -86,13 +78,10 @@ impl Place {
     /// # Errors
     /// A fault at this place for anything else.
     pub fn not_negative(self, value: f64) -> Result<(), Fault> {
-        self.require(value, value >= 0.0, "a finite number of 0 or more")
-    }
-
-    fn require(self, value: f64, accepted: bool, rule: &str) -> Result<(), Fault> {
-        if accepted && value.is_finite() {
+        if value >= 0.0 && value.is_finite() {
             return Ok(());
         }
+        let rule = "a finite number of 0 or more";
         Err(self.fault(format!("{value} is not {rule}"), format!("give a value that is {rule}")))
     }
 }

@@ -1,14 +1,14 @@
-//! What the numbers of files may be: every key and column that holds one, the least and the greatest value, and why.
+//! What numbers may be: every key, column and option that holds one, the least and the greatest value, and why.
 //!
 //! A number outside its range is no measurement and no design, and the work that some ask for has no end. The table in
 //! `docs/ranges.md` is [`Quantity::table`].
 
 use super::{Fault, Place};
 
-/// What a number of a file says, under any of its keys.
+/// What a number of a file or of an option says, under any of its names.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
-    /// The keys and columns that hold it.
+    /// The keys and columns that hold it, and the options that stand for no key.
     pub keys: &'static [&'static str],
     /// The least value, which is accepted.
     pub least: f64,
@@ -53,8 +53,64 @@ impl Quantity {
     pub const VOLTAGE_V: Self = quantity(&["voltage_v"], -1e6, 1e6, "volts, or millivolts of a battery of 1000 V");
     /// The current from it.
     pub const CURRENT_A: Self = quantity(&["current_a"], -1e6, 1e6, "amperes, or milliamperes of a motor of 1000 A");
+    /// How late a response is.
+    pub const DELAY_S: Self =
+        quantity(&["delay_s"], 0.0, 100.0, "seconds; a log that is later belongs to another command");
+    /// How often rows come.
+    pub const SAMPLE_RATE_HZ: Self =
+        quantity(&["sample_rate_hz"], 1e-3, 1e6, "rows a second, from a table by hand to the fastest logger");
+    /// How often an ESC takes a command.
+    pub const ESC_FRAME_HZ: Self =
+        quantity(&["esc_frame_hz"], 1.0, 4e4, "hertz; ESCs take 50 to 32000 commands a second");
+    /// How often a loop runs.
+    pub const LOOP_RATE_HZ: Self =
+        quantity(&["loop_rate_hz", "rate_hz"], 50.0, 1e5, "hertz; flight controllers run their loops at 250 to 32000");
+    /// How long something lasts.
+    pub const DURATION_S: Self = quantity(
+        &["period_s", "half_period_s", "hold_s"],
+        1e-4,
+        1e5,
+        "seconds; from a loop's tick to a day of recording",
+    );
+    /// How far a command goes.
+    pub const AMPLITUDE: Self =
+        quantity(&["amplitude"], 1e-6, 1.0, "a part of the command's range, which an ESC resolves to 1/2000");
+    /// A frequency of a motor or its compensator.
+    pub const FREQUENCY_RAD_S: Self = quantity(
+        &[
+            "zero_rad_s",
+            "pole_rad_s",
+            "prewarp_rad_s",
+            "natural_rad_s",
+            "inverse_rad_s",
+            "speed_loop_rad_s",
+            "omega_g_rad_s",
+        ],
+        1e-2,
+        3.2e5,
+        "radians per second, from the slowest motor to half of 100 kHz",
+    );
+    /// The damping of a compensator's poles.
+    pub const DAMPING: Self = quantity(&["damping"], 0.01, 100.0, "a ratio of about 0.7");
+    /// How fast a command may change.
+    pub const SLEW_PER_S: Self =
+        quantity(&["slew_per_s"], 1e-3, 1e6, "commands a second: 1 is the whole range in a second");
+    /// A frequency of a structure.
+    pub const FREQUENCY_HZ: Self = quantity(
+        &["frequency_hz", "top_hz", "usable_hz"],
+        0.1,
+        1e6,
+        "hertz; what swings more slowly is no structure that carries a motor, nor does it answer higher up",
+    );
+    /// The widths of pulses.
+    pub const PULSE_US: Self = quantity(&["--pulse-us"], 0.0, 1e5, "microseconds; an analog servo's frame has 20000");
+    /// The lines of an excitation.
+    pub const BAND_HZ: Self =
+        quantity(&["--band"], 1e-5, 5e5, "hertz; from a line in a day to half of the fastest logger's rate");
+    /// How well a bandwidth is known.
+    pub const ACCURACY: Self = quantity(&["--accuracy"], 1e-6, 1.0, "a part of the bandwidth");
 
-    /// Every number of every file. A key that is in none of these is a coefficient: see [`Self::NUMBER`].
+    /// Every number of every file and option. A key that is in none of these is a coefficient: see [`Self::NUMBER`].
     pub const ALL: &'static [Self] = &[
         Self::TIME_S,
         Self::DUTY,
@@ -69,7 +125,7 @@ impl Quantity {
             100.0,
             "seconds; a loop of 100 kHz does not see a faster lag, and no motor takes minutes",
         ),
-        quantity(&["delay_s"], 0.0, 100.0, "seconds; a log that is later belongs to another command"),
+        Self::DELAY_S,
         quantity(
             &["fit_frequency_percent", "fit_square_percent", "fit_step_percent"],
             -1e6,
@@ -78,35 +134,37 @@ impl Quantity {
         ),
         quantity(&["dead_zone", "hysteresis", "limit"], -2.0, 2.0, "a part of the range of commands, or little more"),
         quantity(&["down_over_up"], 1e-3, 1e3, "one time constant over another of the same motor"),
-        quantity(&["sample_rate_hz"], 1e-3, 1e6, "rows a second, from a table by hand to the fastest logger"),
-        quantity(&["esc_frame_hz"], 1.0, 4e4, "hertz; ESCs take 50 to 32000 commands a second"),
+        Self::SAMPLE_RATE_HZ,
+        Self::ESC_FRAME_HZ,
         quantity(&["command_rate_hz"], 1.0, 1e5, "hertz, as often as the loop writes a command"),
-        quantity(&["loop_rate_hz", "rate_hz"], 50.0, 1e5, "hertz; flight controllers run their loops at 250 to 32000"),
-        quantity(
-            &["period_s", "half_period_s", "hold_s"],
-            1e-4,
-            1e5,
-            "seconds; from a loop's tick to a day of recording",
-        ),
+        Self::LOOP_RATE_HZ,
+        Self::DURATION_S,
         quantity(&["periods", "warm_up_periods"], 0.0, 1e6, "periods of one record"),
-        quantity(&["amplitude"], 1e-6, 1.0, "a part of the command's range, which an ESC resolves to 1/2000"),
+        Self::AMPLITUDE,
+        Self::FREQUENCY_RAD_S,
+        Self::DAMPING,
         quantity(
-            &["zero_rad_s", "pole_rad_s", "prewarp_rad_s", "natural_rad_s", "inverse_rad_s", "speed_loop_rad_s"],
-            1e-2,
-            3.2e5,
-            "radians per second, from the slowest motor to half of 100 kHz",
+            &["pole.damping"],
+            1e-9,
+            1.0,
+            "a stand that stands still; two real poles are two entries of damping 1",
         ),
-        quantity(&["damping"], 0.01, 100.0, "a ratio of about 0.7"),
-        quantity(&["slew_per_s"], 1e-3, 1e6, "commands a second: 1 is the whole range in a second"),
+        quantity(
+            &["zero.damping"],
+            -1.0,
+            1.0,
+            "two real zeros are two entries of damping 1, or of -1 in the right half",
+        ),
+        Self::SLEW_PER_S,
         quantity(&["sigma_n", "hum_n"], 0.0, 1e6, "newtons that a sensor adds"),
         quantity(&["hum_hz"], 1e-2, 1e5, "hertz; the mains hum at 50 or 60"),
-        quantity(&["pole"], -1.0, 1.0, "the correlation of one row's noise with that of the row before"),
         quantity(
-            &["frequency_hz", "top_hz", "usable_hz"],
-            0.1,
-            1e6,
-            "hertz; what swings more slowly is no structure that carries a motor, nor does it answer higher up",
+            &["pole"],
+            -0.999_999,
+            0.999_999,
+            "the correlation of one row's noise with that of the row before; at 1 it has no variance",
         ),
+        Self::FREQUENCY_HZ,
         quantity(&["inertia_kg_m2"], 1e-7, 1e3, "kilograms times square meters"),
         quantity(&["arm_m"], 1e-3, 10.0, "meters from the axis to a motor"),
         quantity(&["drag_m"], 0.0, 10.0, "meters: newton meters of drag for a newton of thrust"),
@@ -119,6 +177,9 @@ impl Quantity {
         quantity(&["tilt_deg"], 1.0, 80.0, "degrees; without a tilt there is no lateral force"),
         quantity(&["step_n", "sine_n"], 1e-6, 1e4, "newtons; give it in SI units"),
         quantity(&["sine_hz"], 0.1, 50.0, "hertz; give a frequency that a vehicle may follow"),
+        Self::PULSE_US,
+        Self::BAND_HZ,
+        Self::ACCURACY,
     ];
 
     /// A coefficient, or a standard error.
@@ -127,7 +188,11 @@ impl Quantity {
     /// That of a key, outside of effects, whose parameters are in `docs/confusion.md`.
     #[must_use]
     pub fn of(key: &str) -> &'static Self {
-        Self::ALL.iter().find(|quantity| quantity.keys.contains(&key)).unwrap_or(&Self::NUMBER)
+        Self::named(key).unwrap_or(&Self::NUMBER)
+    }
+
+    fn named(name: &str) -> Option<&'static Self> {
+        Self::ALL.iter().find(|quantity| quantity.keys.contains(&name))
     }
 
     /// That of a key of a result. Where the key has no unit at its end, another thing may be called so.
@@ -174,7 +239,7 @@ impl Quantity {
             format!("| {keys} | {} | {} | {reason} |\n", shown(least), shown(greatest))
         };
         let rows: String = Self::ALL.iter().chain([&Self::NUMBER]).map(row).collect();
-        format!("| key or column | least | greatest | why |\n|---|---|---|---|\n{rows}")
+        format!("| key, column or option | least | greatest | why |\n|---|---|---|---|\n{rows}")
     }
 }
 
@@ -184,7 +249,12 @@ impl Place {
     /// # Errors
     /// A fault at this place for a number that is out of its range, or is none.
     pub fn accept(self, value: f64) -> Result<(), Fault> {
-        let quantity = Quantity::of(self.last_key().unwrap_or_default());
+        let quantity = {
+            let mut keys = self.keys_from_last();
+            let (key, table) = (keys.next().unwrap_or_default(), keys.next().unwrap_or_default());
+            // A key may mean another thing in another table.
+            Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::of(key))
+        };
         quantity.accept(value).map_err(|(message, help)| self.fault(message, help))
     }
 
@@ -250,5 +320,9 @@ mod tests {
         assert_eq!(lags.clone().item(2).accept(0.1), Ok(()));
         let fault = lags.item(2).accept(9e18).unwrap_err();
         assert_eq!(fault.to_string(), "`point` 2, `time_constant_s` 3: 9e18 is not from 0.00001 to 100");
+        // The same key in another table is another quantity.
+        let damping = |table: &str, value| Place::root().key(table).item(0).key("damping").accept(value).is_ok();
+        assert!(damping("zero", -1.0) && !damping("pole", -1.0) && !damping("point", -1.0));
+        assert!(!damping("zero", 2.0) && !damping("pole", 2.0) && damping("point", 2.0));
     }
 }
