@@ -233,6 +233,12 @@ fn bad_numbers_are_named() {
     assert!(text.contains("`rpm`, sample 51: inf: not finite"), "{text}");
     let text = message(with("time", 50, 0.49));
     assert!(text.contains("`time`, sample 51: 0.49: time does not increase"), "{text}");
+    let mut fast = Writer::new(false);
+    for (vector, scale) in [("time", 5e-303), ("command", 0.005), ("rpm", 50.0)] {
+        fast.doubles(vector, (0..120).map(|k| scale * f64::from(k)));
+    }
+    let text = message(fast.import());
+    assert!(text.contains("variable `time`: rows come every 5e-303 s") && text.contains("in seconds"), "{text}");
     let text = message(with("command", 50, 1250.0));
     assert!(text.contains("`command`, sample 51: 1250 is outside 0..1") && text.contains("command_us"), "{text}");
 }

@@ -440,16 +440,16 @@ pub enum ImportError {
         /// What may be done beside, where a variable may hold the vector.
         within: String,
     },
-    /// A variable with the name of a signal is no vector of numbers.
-    #[error("{}, variable `{name}`: {found}, where a vector of real numbers is needed", file.display())]
-    #[diagnostic(help("in MATLAB, {remedy}"))]
-    NoVector {
+    /// A variable or field that cannot be what its name says.
+    #[error("{}, variable `{name}`: {problem}", file.display())]
+    #[diagnostic(help("{remedy}"))]
+    Variable {
         /// The log.
         file: PathBuf,
         /// The variable.
         name: String,
-        /// What it is.
-        found: String,
+        /// What it is, and what is needed.
+        problem: String,
         /// What to save in its place.
         remedy: String,
     },

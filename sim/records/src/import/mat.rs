@@ -248,8 +248,9 @@ fn missing(file: &Path, variables: &[Variable], signals: &[Quantity]) -> ImportE
         |variable: &&Variable| meaning(&variable.name).is_some_and(|(_, signal, _)| signals.contains(&signal));
     let unfit = variables.iter().filter(is_meant).find_map(|variable| Some((variable, variable.remedy()?)));
     if let Some((variable, remedy)) = unfit {
-        let (name, found) = (variable.name.clone(), variable.shown());
-        return ImportError::NoVector { file: file.into(), name, found, remedy };
+        let problem = format!("{}, where a vector of real numbers is needed", variable.shown());
+        let remedy = format!("in MATLAB, {remedy}");
+        return ImportError::Variable { file: file.into(), name: variable.name.clone(), problem, remedy };
     }
     let names = SPELLINGS.iter().filter(|(signal, ..)| signals.contains(signal)).flat_map(|(_, _, names)| names.iter());
     let shown = |variable: &Variable| format!("`{}` ({})", quoted(&variable.name), variable.shown());

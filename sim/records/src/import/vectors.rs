@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::stamps::typical_and_longest;
 use super::{ImportError, Timing};
+use crate::files::{Quantity, shown};
 
 /// Distance from the even grid, in intervals, up to which rows count as evenly spaced.
 const EVEN_WITHIN_INTERVALS: f64 = 1e-3;
@@ -53,6 +54,14 @@ pub(super) fn stamps_kept(
     }
     let span = time_s.last().copied().unwrap_or(0.0);
     let interval = span / (time_s.len() - 1) as f64;
+    if interval.recip() > Quantity::SAMPLE_RATE_HZ.greatest {
+        return Err(ImportError::Variable {
+            file: file.into(),
+            name: name.into(),
+            problem: format!("rows come every {} s, faster than any logger writes them", shown(interval)),
+            remedy: String::from("give the times in seconds, as they were stamped"),
+        });
+    }
     let even = |(k, &t): (usize, &f64)| (t - k as f64 * interval).abs() <= EVEN_WITHIN_INTERVALS * interval;
     let is_even = time_s.iter().enumerate().all(even);
     let (typical, longest) = typical_and_longest(&time_s);
