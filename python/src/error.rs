@@ -3,7 +3,7 @@
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::exceptions::PyValueError;
 use pyo3::{PyErr, create_exception};
-use rotorlead_records::files::{Fault, PrintableReport, printable};
+use rotorlead_records::files::{Fault, PrintableReport, printable, printable_line};
 
 create_exception!(
     rotorlead,
@@ -19,7 +19,7 @@ pub fn raised(report: &miette::Report) -> PyErr {
 
 /// The exception of a value that breaks a rule.
 pub fn refused(fault: &Fault) -> PyErr {
-    Error::new_err(printable(&format!("{fault}\n  help: {}", fault.help)).into_owned())
+    Error::new_err(format!("{}\n  help: {}", printable_line(&fault.to_string()), printable(&fault.help)))
 }
 
 /// Lines as long as they are: what reads them may search them.

@@ -96,6 +96,46 @@ fn no_place_gives_a_terminal_orders() {
 }
 
 #[test]
+fn a_name_with_a_line_break_begins_no_line_of_what_is_said() {
+    let stand = Stand::new();
+    let forged = "x\nerror: forged";
+    let says = |arguments: &[&str]| {
+        let said = shown(&stand, arguments);
+        let line = said.lines().find(|line| line.trim_start_matches([' ', '×']).starts_with("error: forged"));
+        assert_eq!(line, None, "{arguments:?}\n{said}");
+        said
+    };
+    // Of files, that are there or not.
+    stand.write(forged, "");
+    for path in [forged, "y\nerror: forged"] {
+        for arguments in [&["check", path][..], &["identify", path, "--out", "m.toml"], &["import", path, "--out", "o"]]
+        {
+            assert!(says(arguments).contains("a line break in its name"));
+        }
+    }
+    // Of a record, its columns and its experiment.
+    let experiment = stand.read("stand/experiment.toml");
+    let step = stand.read("stand/step.csv");
+    stand.write("stand/step.csv", step.replacen("thrust_n", &format!("thrust_n,\"{forged}\""), 1));
+    assert!(says(&["check", "stand"]).contains("x␊error: forged"));
+    stand.write("stand/step.csv", step);
+    for (from, to) in [("name = \"step\"", "name = \"x\\nerror: forged\""), ("step.csv", "x\\nerror: forged")] {
+        stand.write("stand/experiment.toml", experiment.replacen(from, to, 1));
+        for arguments in [&["check", "stand"][..], &["identify", "stand", "--out", "m.toml"]] {
+            assert!(says(arguments).contains("a text with a line break"));
+        }
+    }
+    // Of a motor.
+    fs::create_dir_all(stand.path("fleet")).unwrap();
+    stand.write("fleet/fleet.csv", format!("log,motor\na,\"{forged}\"\nb,M\nc,M\nd,M\n"));
+    for log in ["a", "b", "c", "d"] {
+        fs::create_dir(stand.path("fleet").join(log)).unwrap();
+        stand.write(&format!("fleet/{log}/model.toml"), crate::stand::MODEL);
+    }
+    assert!(says(&["fleet", "fleet", "--verbose"]).contains("x␊error:"));
+}
+
+#[test]
 fn a_name_with_orders_and_markup_and_formulas_is_a_name() {
     let stand = Stand::of_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");

@@ -8,7 +8,7 @@ use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::Diagnostic;
 use rotorlead_records::files::{
-    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
+    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, printable_line, write_file,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -180,14 +180,15 @@ pub fn paragraph(text: &str, indent: &str) -> String {
     wrapped(text, 80, indent) + "\n"
 }
 
-/// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts.
+/// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts. Names in it that have
+/// line breaks make no lines of their own.
 pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
     let options = textwrap::Options::new(width)
         .subsequent_indent(indent)
         .break_words(false)
         .word_splitter(WordSplitter::NoHyphenation)
         .word_separator(WordSeparator::AsciiSpace);
-    textwrap::fill(sentence, options)
+    textwrap::fill(&printable_line(sentence), options)
 }
 
 /// What a remark begins with, and its color on a terminal.

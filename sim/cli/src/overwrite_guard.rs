@@ -34,10 +34,15 @@ struct Named<'a> {
     at: PathBuf,
 }
 
-/// Refuses a command line that asks for two outputs in one place, or for one in the place of what it reads.
+/// Refuses a command line that asks for two outputs in one place, or for one in the place of what it reads; and a path with a line
+/// break, whose parts would stand in what is said like lines of the program.
 pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), WrongUse> {
-    let (outputs, inputs): (Vec<Named>, Vec<Named>) =
-        paths(command, matches).into_iter().partition(|named| WRITTEN.contains(&named.id));
+    let paths = paths(command, matches);
+    if let Some(Named { option, path, .. }) = paths.iter().find(|named| named.path.to_string_lossy().contains('\n')) {
+        let message = format!("`{}` of {option} has a line break in its name", path.display());
+        return Err(WrongUse::new(message, "rename it, or name another"));
+    }
+    let (outputs, inputs): (Vec<Named>, Vec<Named>) = paths.into_iter().partition(|named| WRITTEN.contains(&named.id));
     for (index, output) in outputs.iter().enumerate() {
         inputs.iter().try_for_each(|input| check_input(input, output))?;
         outputs[..index].iter().try_for_each(|earlier| check_apart(earlier, output))?;

@@ -173,7 +173,7 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
         }
         line("\nWhat the refused lead would do:");
     } else {
-        line(&wrapped(&format!("\nRedesign: {}", in_short(&full.design)), WIDTH, "  "));
+        line(&format!("\n{}", wrapped(&format!("Redesign: {}", in_short(&full.design)), WIDTH, "  ")));
     }
     line("");
     line(&redesign_table(full, amplitude).text());

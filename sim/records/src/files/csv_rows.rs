@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use csv::StringRecord;
 
-use super::TextFile;
+use super::{TextFile, printable_line};
 
 /// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
 const QUOTED: usize = 40;
@@ -29,9 +29,10 @@ pub fn row_span(text: &TextFile, row: &StringRecord) -> Range<usize> {
 
 /// A cell as an error quotes it.
 pub fn quoted(cell: &str) -> String {
+    // In a remedy too, which may have lines of its own.
     match cell.char_indices().nth(QUOTED) {
-        Some((end, _)) => format!("{}…", &cell[..end]),
-        None => cell.to_owned(),
+        Some((end, _)) => format!("{}…", printable_line(&cell[..end])),
+        None => printable_line(cell).into_owned(),
     }
 }
 

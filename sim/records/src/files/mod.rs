@@ -34,7 +34,7 @@ pub use excerpt::Excerpt;
 pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
-pub use printable::{PrintableReport, PrintableReports, is_order, printable};
+pub use printable::{PrintableReport, PrintableReports, is_order, printable, printable_line};
 pub use quantity::{Quantity, shown, shown_to};
 pub use text::{TextFile, bytes_read};
 pub use toml_file::{TomlFile, to_toml, write_toml};

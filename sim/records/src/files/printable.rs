@@ -10,14 +10,25 @@ use miette::{Diagnostic, LabeledSpan, ReportHandler, Severity, SourceCode};
 /// sequences of a terminal, and those that turn the direction of what follows. Line breaks and tabs stay.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_order) {
+    pictured(text, is_order)
+}
+
+/// [`printable`] with pictures of line breaks and tabs too: what is said in one line, where a name that is quoted begins no other.
+#[must_use]
+pub fn printable_line(text: &str) -> Cow<'_, str> {
+    pictured(text, |character| is_order(character) || character.is_control())
+}
+
+/// `text` with a picture in place of each of these characters.
+fn pictured(text: &str, is_shown_so: fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(is_shown_so) {
         return Cow::Borrowed(text);
     }
     let picture = |character: char| match character {
-        '\0'..'\x20' if is_order(character) => char::from_u32(0x2400 + u32::from(character)).unwrap_or('\u{fffd}'),
+        sign if !is_shown_so(sign) => sign,
+        '\0'..'\x20' => char::from_u32(0x2400 + u32::from(character)).unwrap_or('\u{fffd}'),
         '\x7f' => '\u{2421}',
-        order if is_order(order) => '\u{fffd}',
-        sign => sign,
+        _ => '\u{fffd}',
     };
     Cow::Owned(text.chars().map(picture).collect())
 }
@@ -84,14 +95,14 @@ impl<'a> PrintableReport<'a> {
     pub fn of(report: &'a dyn Diagnostic) -> Self {
         let of_error = || report.source().map(|cause| Cause::Error(Message::of(cause)));
         let of_report = report.diagnostic_source().map(|cause| Cause::Report(Box::new(Self::of(cause))));
-        Self { report, message: printable(&report.to_string()).into_owned(), cause: of_report.or_else(of_error) }
+        Self { report, message: printable_line(&report.to_string()).into_owned(), cause: of_report.or_else(of_error) }
     }
 }
 
 impl Message {
     fn of(error: &dyn Error) -> Self {
         let cause = error.source().map(|cause| Box::new(Self::of(cause)));
-        Self { message: printable(&error.to_string()).into_owned(), cause }
+        Self { message: printable_line(&error.to_string()).into_owned(), cause }
     }
 }
 
@@ -147,7 +158,7 @@ impl Diagnostic for PrintableReport<'_> {
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         let shown = |label: LabeledSpan| {
-            LabeledSpan::new_with_span(label.label().map(|text| printable(text).into_owned()), *label.inner())
+            LabeledSpan::new_with_span(label.label().map(|text| printable_line(text).into_owned()), *label.inner())
         };
         Some(Box::new(self.report.labels()?.map(shown)))
     }
@@ -168,6 +179,7 @@ mod tests {
     fn orders_become_pictures_and_all_else_stays() {
         let text = "Größe\t\u{1b}[31m\u{7}\r\0\u{7f}\u{9b}2J\u{202e}x\n";
         assert_eq!(printable(text), "Größe\t␛[31m␇␍␀␡\u{fffd}2J\u{fffd}x\n");
+        assert_eq!(printable_line("a\tb\r\nc\u{202e}"), "a␉b␍␊c\u{fffd}");
         assert_eq!(printable_in_place(text).len(), text.len());
         assert!(!printable_in_place(text).contains(is_order));
         assert_eq!(printable_in_place("a\u{7}\r\nb"), "a?\r\nb");

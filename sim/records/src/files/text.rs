@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use miette::NamedSource;
 
-use super::{Excerpt, FileError, Located, printable};
+use super::{Excerpt, FileError, Located, printable_line};
 
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
@@ -136,7 +136,7 @@ fn located(path: &Path, text: Excerpt, span: Range<usize>, message: String, labe
         message: shortened(message),
         label,
         help: shortened(help),
-        source_code: NamedSource::new(printable(&path.display().to_string()), text),
+        source_code: NamedSource::new(printable_line(&path.display().to_string()), text),
         span: span.into(),
     }))
 }

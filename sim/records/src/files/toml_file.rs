@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::did_you_mean::{alike, did_you_mean};
@@ -44,6 +45,7 @@ impl TomlFile {
             return Err(FileError::TooLong { path: file.text.path().to_owned(), most: LONGEST_TOML as u64 });
         }
         file.check_format()?;
+        file.check_lines()?;
         let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
         Ok((value, file))
     }
@@ -71,6 +73,22 @@ impl TomlFile {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Texts of these files are names, which stand within lines of what is said.
+    fn check_lines(&self) -> Result<(), FileError> {
+        fn broken(value: &Spanned<DeValue<'_>>) -> Option<Range<usize>> {
+            match value.get_ref() {
+                DeValue::String(text) => text.contains(['\n', '\r']).then(|| value.span()),
+                DeValue::Array(items) => items.iter().find_map(broken),
+                DeValue::Table(table) => table.values().find_map(broken),
+                _ => None,
+            }
+        }
+        let Ok(root) = DeTable::parse(self.text.text()) else { return Ok(()) };
+        let span = root.get_ref().values().find_map(broken);
+        let help = "write it in one line; a file that is called so has to be renamed";
+        span.map_or(Ok(()), |span| Err(self.text.complaint(span, "a text with a line break", "here", help)))
     }
 
     fn refused(&self, error: &toml::de::Error) -> FileError {

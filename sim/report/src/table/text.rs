@@ -1,5 +1,6 @@
 //! A table for a terminal: aligned columns, numbers to the right and words to the left.
 
+use rotorlead_records::files::printable_line;
 use textwrap::core::display_width;
 use textwrap::{Options, WordSeparator, WordSplitter};
 
@@ -62,7 +63,7 @@ impl Table {
 
     /// What a cell shows, in the characters of a plain terminal.
     fn shown(&self, row: usize, column: usize) -> String {
-        self.rows[row][column].text.replace('±', "+-")
+        printable_line(&self.rows[row][column].text).replace('±', "+-")
     }
 
     /// Width of the widest cell.
@@ -148,6 +149,12 @@ Fit
          0.450  long.csv             -
 ";
         assert_eq!(table(columns, rows), shown);
+    }
+
+    #[test]
+    fn a_name_with_a_line_break_is_one_line() {
+        let shown = table(vec![Column::new("file", "record", "")], vec![vec![Cell::text("a\nerror: b\tc")]]);
+        assert_eq!(shown, "Fit\n  record\n  a␊error: b␉c\n");
     }
 
     #[test]
