@@ -99,6 +99,8 @@ const EXTREMES: [&str; 22] = [
 ];
 /// Factors of what is plausible.
 const MILD: [f64; 6] = [0.1, 0.5, 0.9, 1.1, 2.0, 10.0];
+/// What ends the program.
+const SIGNALS: [&str; 4] = ["-HUP", "-INT", "-QUIT", "-TERM"];
 /// What stands where a text is meant.
 const TEXTS: [&str; 12] = [
     "multisine",
@@ -339,7 +341,7 @@ impl Try {
         let after = Duration::from_millis(random.random_range(1..120));
         let trouble = match random.random_range(0..20) {
             0 => Trouble::LittleRoom(1 << random.random_range(1..9)),
-            1 => Trouble::Signal(*one(&mut random, &["-HUP", "-INT", "-QUIT", "-TERM"]), after),
+            1 => Trouble::Signal(SIGNALS[random.random_range(0..SIGNALS.len())], after),
             2 => Trouble::Twice,
             3 => {
                 // An output in the place of what is read.
