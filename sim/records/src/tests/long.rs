@@ -158,7 +158,8 @@ fn times_that_contradict_the_stated_rate_are_shown() {
 
 #[test]
 fn times_that_are_no_motors_are_refused_as_those_of_a_record_in_memory() {
-    let cases: [(fn(usize) -> f64, &str); 3] = [
+    type Clock = fn(usize) -> f64;
+    let cases: [(Clock, &str); 3] = [
         (|k| if k < 120_000 { k as f64 / 1000.0 } else { 3600.0 + k as f64 / 1000.0 }, "the clock jumps by 3600.001"),
         (|k| k as f64, "rows come every 1 s, and no motor shows"),
         (|k| k as f64 * 1e-8, "rows come every 1e-8 s, faster than any logger"),
