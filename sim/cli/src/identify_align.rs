@@ -213,5 +213,8 @@ fn interval(estimate: Estimate, scale: f64, digits: usize) -> String {
 }
 
 fn near(text: &str) -> Result<Near, String> {
-    if text == "start" { Ok(Near::Start) } else { number(Quantity::TIME_S)(text).map(Near::Delay) }
+    if text == "start" {
+        return Ok(Near::Start);
+    }
+    number(Quantity::TIME_S)(text).map(Near::Delay).map_err(|error| format!("{error}; give seconds, or `start`"))
 }
