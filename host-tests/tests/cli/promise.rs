@@ -264,7 +264,7 @@ fn without_code(page: &str) -> String {
 fn impossible_value(key: &str, value: &Value) -> Option<String> {
     match value {
         Value::Number(number) if number.is_f64() => {
-            Quantity::of_result(key).accept(number.as_f64()?).err().map(|(message, _)| format!("`{key}`: {message}"))
+            Quantity::accept_result(key, number.as_f64()?).err().map(|message| format!("`{key}`: {message}"))
         }
         Value::String(text) => impossible_in_text(text),
         Value::Array(items) => items.iter().find_map(|item| impossible_value(key, item)),

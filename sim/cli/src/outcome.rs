@@ -66,8 +66,7 @@ impl Outcome {
         Self { detail, ..self }
     }
 
-    /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either. What may stand
-    /// under a key of a file may stand under that key of a result.
+    /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either.
     fn check(&self) -> Result<(), Impossible> {
         let is_none = |word: &str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
         let mut lines = self.text.lines().chain(self.detail.lines());
@@ -93,8 +92,8 @@ impl Outcome {
 fn impossible(key: &str, value: &Value) -> Option<String> {
     match value {
         Value::Number(number) => {
-            let refused = Quantity::of_result(key).accept(number.as_f64()?).err();
-            refused.map(|(message, _)| format!("`{key}`, {message}"))
+            let refused = Quantity::accept_result(key, number.as_f64()?).err();
+            refused.map(|message| format!("`{key}`, {message}"))
         }
         Value::Array(items) => items.iter().find_map(|item| impossible(key, item)),
         Value::Object(keys) => keys.iter().find_map(|(key, item)| impossible(key, item)),

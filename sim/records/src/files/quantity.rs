@@ -195,11 +195,18 @@ impl Quantity {
         Self::ALL.iter().find(|quantity| quantity.keys.contains(&name))
     }
 
-    /// That of a key of a result. Where the key has no unit at its end, another thing may be called so.
-    #[must_use]
-    pub fn of_result(key: &str) -> &'static Self {
+    /// Accepts a number of a result under a key that has its unit at the end: an estimate, which may be on the wrong side of zero by
+    /// its error, and is no larger than what a file may hold. Without a unit, another thing may be called as a key of a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn accept_result(key: &str, value: f64) -> Result<(), String> {
         const UNITS: [&str; 7] = ["_s", "_hz", "_rad_s", "_n", "_v", "_a", "_percent"];
-        if UNITS.iter().any(|unit| key.ends_with(unit)) { Self::of(key) } else { &Self::NUMBER }
+        let has_unit = UNITS.iter().any(|unit| key.ends_with(unit));
+        let Self { least, greatest, .. } = if has_unit { *Self::of(key) } else { Self::NUMBER };
+        let most = greatest.max(-least);
+        let fault = || format!("{} is not from -{} to {}", shown(value), shown(most), shown(most));
+        (value.abs() <= most).then_some(()).ok_or_else(fault)
     }
 
     /// Accepts a number of the range.
@@ -296,6 +303,15 @@ mod tests {
         for quantity in Quantity::ALL {
             assert!(quantity.least < quantity.greatest && !quantity.reason.is_empty(), "{quantity:?}");
             quantity.keys.iter().for_each(|key| assert!(keys.insert(*key), "{key} is there twice"));
+        }
+    }
+
+    #[test]
+    fn a_result_may_be_on_the_wrong_side_of_zero_and_no_larger_than_a_file_has_it() {
+        assert_eq!(Quantity::accept_result("delay_s", -0.001), Ok(()));
+        assert_eq!(Quantity::accept_result("range", 2.15), Ok(()));
+        for (key, value) in [("time_constant_s", 5_626_758.0), ("delay_s", -200.0), ("range", 1e300), ("a", f64::NAN)] {
+            assert!(Quantity::accept_result(key, value).is_err(), "{key} {value}");
         }
     }
 
