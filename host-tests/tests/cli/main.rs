@@ -16,6 +16,7 @@ mod identify_stand;
 mod import;
 mod interrupted;
 mod inverse;
+mod judgement;
 mod latency;
 #[cfg(unix)]
 mod mutated;

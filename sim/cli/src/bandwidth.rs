@@ -18,7 +18,7 @@ use rotorlead_report::{
     Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, in_short,
     measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
 };
-use rotorlead_results::{latency_json, lost_gain};
+use rotorlead_results::{judged, latency_json, lost_gain};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -123,12 +123,12 @@ impl Bandwidth {
         let latency =
             self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
-        let warning = lost_gain(&points, &phases);
+        let warnings: Vec<String> = judged(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
         let mut text = predicted(&points, &phases).text();
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_holds(&latency, chain, &phases));
         text.push_str(&counted_effects(&effects));
-        if let Some(warning) = &warning {
+        for warning in &warnings {
             writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
         }
         let not_simulated = || format!("`{}` cannot be simulated", self.model.display());
@@ -180,7 +180,7 @@ impl Bandwidth {
             let title = format!("Bandwidths of {}", self.model.display());
             Report {
                 facts,
-                warnings: without_mark(warning.as_slice()),
+                warnings: without_mark(&warnings),
                 sections: vec![section],
                 ..report_pages::report("Bandwidth", title, verdict)
             }
@@ -189,7 +189,7 @@ impl Bandwidth {
         let values = Values {
             points: bandwidth_values(&points, &phases),
             latency: latency_json(&latency, chain, &phases),
-            warnings: warning.into_iter().collect(),
+            warnings,
             steps: stepped,
             robustness: differing.as_ref().map(Deviations::values),
             left_out: (!effects.is_empty()).then(|| left_out.collect()),

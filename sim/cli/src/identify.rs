@@ -129,6 +129,7 @@ impl Identify {
         warnings.extend(found.warnings.iter().cloned());
         let (of_lags, mut detail) = tables(&experiment, identified, found.laws.as_ref());
         let mut text = paragraph(&found.headline, "  ");
+        text.extend(found.judgement.reasons.iter().map(|reason| paragraph(&format!("- {reason}"), "  ")));
         if let Some(other) = &found.other_output {
             text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
         }
@@ -152,7 +153,7 @@ impl Identify {
         }
         writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
         text.push_str(&self.report.write(|| {
-            let verdict = report_pages::identified(&identified.model, warnings.len());
+            let verdict = report_pages::identified(&identified.model, &found.judgement, warnings.len());
             let stand = self.stand_model.as_deref().map(|stand| report_pages::file("Stand, divided out", stand));
             let written = report_pages::file("Model", &self.out);
             Report {

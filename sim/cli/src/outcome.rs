@@ -7,6 +7,7 @@ use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::Diagnostic;
+use rotorlead_plant::Judgement;
 use rotorlead_records::files::{
     FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, printable_line, write_file,
 };
@@ -171,6 +172,12 @@ impl JsonOption {
 /// A warning as it is printed.
 pub fn warning_lines(warning: &str) -> String {
     paragraph(&format!("warning: {warning}"), "  ")
+}
+
+/// Whether a compensator may be built on a model, as it is printed.
+pub fn judgement_lines(judgement: &Judgement) -> String {
+    let reasons = judgement.reasons.iter().map(|reason| paragraph(&format!("- {reason}"), "  "));
+    format!("Judged: {}\n{}", judgement.word, reasons.collect::<String>())
 }
 
 /// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with

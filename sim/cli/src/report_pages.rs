@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use rotorlead_identify::design::BandwidthPoint;
-use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth, RecordValidation};
-use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
+use rotorlead_plant::{CompensatorDesign, Judgement, Model, Word};
 use rotorlead_records::Experiment;
-use rotorlead_report::{Fact, Report, Tone, Verdict, experiment_facts, is_wrong};
+use rotorlead_report::{Fact, Report, Tone, Verdict, experiment_facts};
 
 use super::report_option::this_command;
 
@@ -70,13 +70,25 @@ pub fn lags(model: &Model) -> String {
     )
 }
 
-/// What was identified, in a sentence.
-pub fn identified(model: &Model, warnings: usize) -> Verdict {
-    let identified = Verdict::new(Tone::Good, format!("Identified: {}.", lags(model)));
+/// What was identified, in a sentence, and whether a compensator may be built on it.
+pub fn identified(model: &Model, judgement: &Judgement, warnings: usize) -> Verdict {
+    let Verdict { tone, headline, mut sentences } = judged(judgement);
+    sentences.insert(0, headline);
     if warnings == 0 {
-        return identified.with(vec!["The records gave no warning.".to_owned()]);
+        sentences.push("The records gave no warning.".to_owned());
     }
-    warned(identified, warnings)
+    warned(Verdict { tone, headline: format!("Identified: {}.", lags(model)), sentences }, warnings)
+}
+
+/// Whether a compensator may be built on a model, with the reasons.
+pub fn judged(judgement: &Judgement) -> Verdict {
+    let tone = match judgement.word {
+        Word::Ready => Tone::Good,
+        Word::ReadyWithinLimits => Tone::Plain,
+        Word::MeasureAgain | Word::NotALag => Tone::Attention,
+    };
+    let reasons = judgement.reasons.iter().map(|reason| format!("Because {reason}."));
+    Verdict::new(tone, format!("Judged: {}.", judgement.word)).with(reasons.collect())
 }
 
 /// The same verdict where there may be warnings below.
@@ -86,17 +98,8 @@ pub fn warned(verdict: Verdict, warnings: usize) -> Verdict {
         1 => "There is a warning: read it before the model is used.".to_owned(),
         count => format!("There are {count} warnings: read them before the model is used."),
     };
-    Verdict { tone: verdict.tone.max(Tone::Attention), ..verdict.with(vec![said]) }
-}
-
-/// Whether a model holds, in a sentence.
-pub fn validated(records: &[RecordValidation]) -> Verdict {
-    match is_wrong(records) {
-        None => Verdict::new(Tone::Plain, "Whether the model is right cannot be said: no record shows its noise."),
-        Some(false) => Verdict::new(Tone::Good, "The model leaves no more than noise."),
-        Some(true) => Verdict::new(Tone::Attention, "The model leaves more than noise.")
-            .with(vec!["What it lacks, `rotorlead diagnose` can tell.".to_owned()]),
-    }
+    let sentences = [verdict.sentences, vec![said]].concat();
+    Verdict { tone: verdict.tone.max(Tone::Attention), sentences, ..verdict }
 }
 
 /// What a compensator does to the bandwidths, in a sentence.

@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead_identify::{RecordValidation, validate};
-use rotorlead_plant::Model;
+use rotorlead_assess::{Assessment, assess};
+use rotorlead_identify::RecordValidation;
+use rotorlead_plant::{Judgement, Model};
 use rotorlead_records::Experiment;
 use rotorlead_report::{Report, validation_by_nominal, validation_scores, validation_section, verdict};
 use serde::Serialize;
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, judgement_lines};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 
@@ -37,13 +38,15 @@ impl Validate {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
         let model = Model::read(&self.model)?;
-        let (experiment, records) = progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
-            let experiment = Experiment::read(&self.experiment)?;
-            let records = validate(&experiment, &model).map_err(miette::Report::from).wrap_err_with(|| {
-                format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
+        let (experiment, records, judgement) =
+            progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
+                let experiment = Experiment::read(&self.experiment)?;
+                let Assessment { judgement, records } = assess(&experiment, &model);
+                let records = records.map_err(miette::Report::from).wrap_err_with(|| {
+                    format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
+                })?;
+                Ok((experiment, records, judgement))
             })?;
-            Ok((experiment, records))
-        })?;
         let written = self.report.write(|| Report {
             facts: [
                 report_pages::records(&experiment, &self.experiment),
@@ -54,7 +57,7 @@ impl Validate {
             ..report_pages::report(
                 "Validation",
                 format!("Validation on {}", experiment.name),
-                report_pages::validated(&records),
+                report_pages::judged(&judgement),
             )
         })?;
         let scores = validation_scores(&records).select(&[
@@ -74,13 +77,14 @@ impl Validate {
             Some(by_nominal) => (by_nominal, scores.text()),
             None => (scores.text(), String::new()),
         };
-        let text = format!("{first}\n{}{written}", verdict(&records));
-        Ok(Outcome::new(text, &Values { records }).with_detail(detail))
+        let text = format!("{first}\n{}{}{written}", verdict(&records), judgement_lines(&judgement));
+        Ok(Outcome::new(text, &Values { judgement, records }).with_detail(detail))
     }
 }
 
 /// How well the model explains each record.
 #[derive(Serialize)]
 struct Values {
+    judgement: Judgement,
     records: Vec<RecordValidation>,
 }

@@ -212,6 +212,7 @@ fn of_steady_points(experiment: &Experiment) -> Identification {
             output: experiment.output,
             command_rate_hz: None,
             esc_frame_hz: None,
+            judgement: None,
         }),
     };
     Identification { model, lags: Lags::None, static_map: None, warnings: Vec::new() }
@@ -259,6 +260,7 @@ impl PeriodicIdentification {
                 output: experiment.output,
                 command_rate_hz: experiment.command_rate_hz,
                 esc_frame_hz: experiment.esc_frame_hz,
+                judgement: None,
             }),
         }
     }

@@ -6,6 +6,8 @@ use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::Judgement;
+
 /// One actuator: a first-order lag at each nominal command, and what else is known of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -160,6 +162,17 @@ pub struct Provenance {
     /// Rate at which the ESC takes over a command, hertz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub esc_frame_hz: Option<f64>,
+    /// Whether a compensator may be built on it, by the records that it was identified with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judgement: Option<Judgement>,
+}
+
+impl Model {
+    /// Whether a compensator may be built on it, where its file says so.
+    #[must_use]
+    pub fn judgement(&self) -> Option<&Judgement> {
+        self.provenance.as_ref()?.judgement.as_ref()
+    }
 }
 
 /// The three numbers of `gain e^(-s delay) / (time_constant s + 1)` (1).

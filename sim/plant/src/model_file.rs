@@ -253,7 +253,7 @@ command_rate_hz = 5000
                     version,
                     output: Output::Rpm,
                     command_rate_hz: None,
-                    esc_frame_hz: Some(600.0),
+                    esc_frame_hz: Some(600.0), judgement: None
                 }),
             }
         }

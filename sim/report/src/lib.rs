@@ -45,4 +45,4 @@ pub use sections::{
     vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
 };
 pub use unit::{quantity, unit};
-pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};
+pub use validation::{validation_by_nominal, validation_scores, verdict};

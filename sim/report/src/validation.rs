@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
+use rotorlead_assess::{LEVEL, wrong};
 use rotorlead_identify::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
@@ -12,38 +13,19 @@ use super::figure::Figure;
 use super::html::{Cell, Column, Table};
 use super::{etfe, time_response};
 
-/// Probability that a true model is called wrong on any of the records.
-const LEVEL: f64 = 0.01;
-/// An error of the model below this, percent of the response, is not worth a word however sure it is.
-const SMALLEST_ERROR_PERCENT: f64 = 0.1;
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;
-
-/// Whether the record shows, at a level that holds over `tested` records, that the model is wrong by an amount worth a word.
-fn shows_error(record: &RecordValidation, tested: f64) -> bool {
-    record.left_over.is_some_and(|left| left.p_value * tested < LEVEL)
-        && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
-}
-
-/// Whether any record shows the model to be wrong; `None` where no record shows its noise.
-#[must_use]
-pub fn is_wrong(records: &[RecordValidation]) -> Option<bool> {
-    let tested = records.iter().filter(|record| record.left_over.is_some()).count();
-    (tested > 0).then(|| records.iter().any(|record| shows_error(record, tested as f64)))
-}
 
 /// What the records say of the model, in sentences: which were held out, and whether it leaves more than noise.
 #[must_use]
 pub fn verdict(records: &[RecordValidation]) -> String {
     let mut text = held_out(records);
-    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
-    let tested = judged.len() as f64;
-    let wrong: Vec<&&RecordValidation> = judged.iter().filter(|record| shows_error(record, tested)).collect();
-    let silent = records.len() - judged.len();
-    if judged.is_empty() {
+    let Some(wrong) = wrong(records) else {
         text.push_str("No record shows its noise: whether the model leaves more than that cannot be said.\n");
         return text;
-    }
+    };
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
+    let silent = records.len() - judged.len();
     let least = judged.iter().filter_map(|record| record.left_over).map(|left| left.p_value).fold(1.0, f64::min);
     if wrong.is_empty() {
         let of = if judged.len() == 1 { "p" } else { "least p" };

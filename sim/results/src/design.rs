@@ -6,7 +6,7 @@ use rotorlead_identify::design::{
     chain_phases, design, design_inverse,
 };
 use rotorlead_plant::{
-    ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator,
+    ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator, Word,
 };
 use rotorlead_report::{PointValues, bandwidth_values, fastest_point};
 use serde::Serialize;
@@ -131,7 +131,8 @@ impl DesignResult {
             Designed::Lead(_) => uncertain_zero(model).into_iter().collect(),
             Designed::Inverse(inverse) => doubts(model, inverse),
         };
-        let warnings = doubts.into_iter().chain(lost_gain(&points, &phases)).collect();
+        let judged = judged(model);
+        let warnings = judged.into_iter().chain(doubts).chain(lost_gain(&points, &phases)).collect();
         Self { designed, compensator, points, phases, latency, warnings }
     }
 
@@ -177,6 +178,13 @@ impl DesignResult {
             }),
         }
     }
+}
+
+/// Said of a model that is not ready: whatever is built on it rests on that.
+#[must_use]
+pub fn judged(model: &Model) -> Option<String> {
+    let judgement = model.judgement().filter(|judgement| judgement.word != Word::Ready)?;
+    Some(format!("warning: the model was judged when it was identified, as {judgement}"))
 }
 
 /// A setting of an inverse as the command line names it.

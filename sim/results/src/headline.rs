@@ -1,31 +1,21 @@
 //! What identification finds, in one sentence.
 
-use rotorlead_identify::design::{CompensatorError, DesignOptions, design};
 use rotorlead_identify::steps::{Direction, StaircaseFit};
 use rotorlead_identify::{Estimate, Identification, Lags};
 use rotorlead_numerics::sample::extent;
-use rotorlead_plant::Point;
+use rotorlead_plant::{Judgement, Point};
 
 /// The time constants, the dead time, how well they explain the records, and whether a compensator may be built on them.
-pub fn headline(identified: &Identification) -> String {
+pub fn headline(identified: &Identification, judgement: &Judgement) -> String {
     let lag = match &identified.lags {
         Lags::Steps(fit) => of_steps(fit),
         Lags::Multisines(_) | Lags::Chirps(_) => of_points(&identified.model.points),
         Lags::None => {
             let points = identified.static_map.as_ref().map_or(0, |(_, fit)| fit.points);
-            return format!(
-                "static map of {points} steady points, no lag: not usable for a compensator; record a staircase"
-            );
+            format!("static map of {points} steady points, no lag")
         }
     };
-    let usable = match design(&identified.model, &DesignOptions::default()) {
-        Ok(_) => "usable".to_owned(),
-        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => {
-            format!("usable, with --omega-g {largest_omega_g_rad_s:.0} at most")
-        }
-        Err(refused) => format!("not usable for a compensator, because {refused}"),
-    };
-    format!("{lag}: {usable}")
+    format!("{lag}: {}", judgement.word)
 }
 
 /// The lag of the steps, averaged over those in one direction.

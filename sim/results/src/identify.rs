@@ -1,12 +1,14 @@
 //! What identification finds.
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_assess::assess;
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
 use rotorlead_identify::{
     Finding, Identification, IdentifyError, IdentifyOptions, LongRecordError, PeriodicIdentification, PeriodicOptions,
     Spectrum, identify, step_record,
 };
+use rotorlead_plant::Judgement;
 use rotorlead_records::{Experiment, LongRecord, Output, Record};
 use rotorlead_report::DistortionValues;
 use serde::Serialize;
@@ -27,6 +29,8 @@ pub struct IdentifyResult {
     pub other_output: Option<OtherOutput>,
     /// What came out, in a sentence.
     pub headline: String,
+    /// Whether a compensator may be built on the model.
+    pub judgement: Judgement,
     /// What the user should know of it, in sentences.
     pub warnings: Vec<String>,
     output: Output,
@@ -36,6 +40,7 @@ pub struct IdentifyResult {
 #[derive(Serialize)]
 pub struct IdentifyValues<'a> {
     headline: &'a str,
+    judgement: &'a Judgement,
     output: Output,
     other_output: Option<&'a OtherOutput>,
     points: Vec<PointValues>,
@@ -73,7 +78,11 @@ impl IdentifyResult {
     /// # Errors
     /// Those of [`identify`].
     pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
-        let identification = identify(experiment, options)?;
+        let mut identification = identify(experiment, options)?;
+        let judgement = assess(experiment, &identification.model).judgement;
+        if let Some(provenance) = &mut identification.model.provenance {
+            provenance.judgement = Some(judgement.clone());
+        }
         let mut warnings: Vec<String> = identification.warnings.iter().map(sentence).collect();
         let in_time = identification.lags.in_time();
         let laws = in_time.map(|_| compare_laws(step_record(experiment)?, experiment.output).map_err(Into::into));
@@ -84,7 +93,8 @@ impl IdentifyResult {
         Ok(Self {
             laws,
             other_output: in_time.and_then(|fit| OtherOutput::of(experiment, fit)),
-            headline: headline(&identification),
+            headline: headline(&identification, &judgement),
+            judgement,
             warnings,
             output: experiment.output,
             identification,
@@ -100,6 +110,7 @@ impl IdentifyResult {
         let distortion = |found: &PeriodicIdentification| found.nominals.iter().map(DistortionValues::of).collect();
         IdentifyValues {
             headline: &self.headline,
+            judgement: &self.judgement,
             output: self.output,
             other_output: self.other_output.as_ref(),
             points: identified.model.points.iter().cloned().map(PointValues).collect(),

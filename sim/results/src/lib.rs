@@ -12,7 +12,7 @@ mod other_output;
 mod points;
 mod simulate;
 
-pub use design::{DesignResult, DesignValues, Designed, setting_name};
+pub use design::{DesignResult, DesignValues, Designed, judged, setting_name};
 pub use diagnose::diagnosis_json;
 pub use identify::{IdentifyResult, IdentifyValues, transform};
 pub use latency::{latency_json, protocol_name};

@@ -225,6 +225,7 @@ fn what_does_not_go_together_is_refused_with_its_remedy() {
         output: Output::Rpm,
         command_rate_hz: None,
         esc_frame_hz: None,
+        judgement: None,
     });
     let error = validate(&experiment, &rpm).unwrap_err();
     assert_eq!(error, IdentifyError::OtherOutput { model: "rpm", experiment: "thrust_n" });
@@ -359,6 +360,7 @@ fn what_was_compared_and_the_papers_table_go_with_the_fit() {
         output: Output::ThrustN,
         command_rate_hz: None,
         esc_frame_hz: None,
+        judgement: None,
     });
     let found = validate(&experiment, &model).unwrap();
     let fitted: Vec<Option<bool>> = found.iter().map(|v| v.fitted).collect();

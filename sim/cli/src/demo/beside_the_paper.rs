@@ -1,8 +1,9 @@
 //! What came out beside what the paper prints, for the report.
 
+use rotorlead_assess::wrong;
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, is_wrong, with_std};
+use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -22,7 +23,7 @@ impl Demonstrated<'_> {
                 report_pages::lags(self.model),
                 100.0 * farthest_pole
             ),
-            match is_wrong(self.validated) {
+            match wrong(self.validated).map(|wrong| !wrong.is_empty()) {
                 Some(false) => "The model leaves no more than noise.".to_owned(),
                 Some(true) => "The model leaves more than noise.".to_owned(),
                 None => "No record shows its noise.".to_owned(),

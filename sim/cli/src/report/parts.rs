@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use miette::WrapErr as _;
+use rotorlead_assess::{Assessment, assess};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
@@ -11,9 +12,9 @@ use rotorlead_identify::design::{
     chain_phases, design, design_inverse,
 };
 use rotorlead_identify::{
-    Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify, validate,
+    Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify,
 };
-use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Model};
+use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, LongRecord};
 use rotorlead_results::transform;
 
@@ -35,6 +36,8 @@ pub(super) struct Parts {
     /// The given model, or the one identified.
     pub model: Model,
     pub validated: Part<Vec<RecordValidation>>,
+    /// Whether a compensator may be built on it.
+    pub judgement: Judgement,
     pub designed: Part<Designed>,
     /// The highest `omega_g` that the model allows, where it is too slow for the paper's, rad/s.
     pub lowered_omega_g_rad_s: Option<f64>,
@@ -85,7 +88,8 @@ impl Parts {
             }
         };
         bar.set_message("validating");
-        let validated = validate(experiment, &model).map_err(|error| said(&error.into()));
+        let Assessment { judgement, records } = assess(experiment, &model);
+        let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
         if let Ok(identified) = &identified {
@@ -148,7 +152,17 @@ impl Parts {
         };
         bar.finish_and_clear();
         let identified = identified.map_err(|error| said(&error));
-        Ok(Self { identified, model, validated, designed, lowered_omega_g_rad_s, measured, diagnosed, findings })
+        Ok(Self {
+            identified,
+            model,
+            validated,
+            judgement,
+            designed,
+            lowered_omega_g_rad_s,
+            measured,
+            diagnosed,
+            findings,
+        })
     }
 
     /// Whether the lags are those of steps.

@@ -102,19 +102,15 @@ impl Parts {
                 let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
                 verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
             }
-            None if self.identified.is_ok() => verdicts.push(report_pages::identified(&self.model, warnings)),
-            None => {}
+            None if self.identified.is_ok() => {
+                verdicts.push(report_pages::identified(&self.model, &self.judgement, warnings));
+            }
+            None => verdicts.push(report_pages::judged(&self.judgement)),
         }
         if self.diagnosed.is_none() {
             let unasked =
                 "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
             verdicts.push(Verdict::new(Tone::Plain, unasked));
-        }
-        // A diagnosis has compared the same records more closely.
-        if let Ok(records) = &self.validated
-            && !matches!(self.diagnosed, Some(Ok(_)))
-        {
-            verdicts.push(report_pages::validated(records));
         }
         match &self.designed {
             Ok(Designed { design, points, phases, .. }) => {
@@ -146,6 +142,7 @@ impl Parts {
         json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
+            "judgement": self.judgement,
             "points": self.model.points.iter().cloned().map(PointValues).collect::<Vec<_>>(),
             "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,

@@ -28,6 +28,7 @@ fn model(output: Output, static_map: Option<StaticMap>) -> Model {
             output,
             command_rate_hz: None,
             esc_frame_hz: None,
+            judgement: None,
         }),
     }
 }

@@ -33,6 +33,7 @@ impl StaircaseFit {
                 output: self.output,
                 command_rate_hz: None,
                 esc_frame_hz: None,
+                judgement: None,
             }),
         })
     }

@@ -280,6 +280,7 @@ fn what_does_not_go_together_is_refused() {
         output: Output::Rpm,
         command_rate_hz: None,
         esc_frame_hz: None,
+        judgement: None,
     });
     assert_eq!(refused(&plain, &rpm, None), BenchError::NoiseUnit);
     let plan = Plan::paper(&rpm);

@@ -1,5 +1,7 @@
 //! The kinds of effects that there are, and the rules for an `[[effect]]` of a model.
 
+use std::borrow::Cow;
+
 use rotorlead_records::files::{Fault, Place, did_you_mean, shown};
 
 use super::{ActiveEffect, Kind, STANDARD, Use};
@@ -8,14 +10,20 @@ use crate::{Effect, Model};
 /// Kinds of effects, in the order of the chain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
-    kinds: &'static [&'static Kind],
+    kinds: Cow<'static, [&'static Kind]>,
 }
 
 impl Catalog {
     /// Every kind of this crate.
     #[must_use]
     pub fn standard() -> Self {
-        Self { kinds: STANDARD }
+        Self { kinds: Cow::Borrowed(STANDARD) }
+    }
+
+    /// The same with the kind of that identifier alone.
+    #[must_use]
+    pub fn only(&self, id: &str) -> Self {
+        Self { kinds: self.kinds().filter(|kind| kind.id == id).collect() }
     }
 
     /// The kinds, from command to logger.

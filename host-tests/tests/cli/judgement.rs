@@ -1,0 +1,83 @@
+//! One judgement: every command says of a motor what the others say, in the same words.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::stand::Stand;
+
+/// Logs with how they are imported.
+fn logs() -> Vec<(PathBuf, &'static str)> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data");
+    let mut logs = vec![
+        (own.join("rcbenchmark.csv"), ""),
+        (own.join("esc32.csv"), "--excitation staircase"),
+        (own.join("chirp.bin"), ""),
+    ];
+    let shared = [
+        ("alspitz_esc_test/Log_2019-11-09_181347.csv", "--excitation staircase"),
+        ("alspitz_esc_test/f40_steps_5-2.csv", "--excitation staircase"),
+        ("alspitz_esc_test/esc32v3_f60-1.csv", "--excitation staircase"),
+        ("sar_simulation/micro_2023-12-17_162234.csv", "--excitation staircase"),
+        ("sar_simulation/so_v5_2023-12-13_130935.csv", "--excitation staircase"),
+        ("cases/ramp-called-usable/log.csv", "--excitation staircase --column command=command:duty"),
+        ("cases/thrust-square-called-unequal-lags/log.csv", "--excitation staircase --column command=command:duty"),
+    ];
+    logs.extend(shared.into_iter().filter_map(|(name, options)| Some((host_tests::data(name)?, options))));
+    logs
+}
+
+/// Asserts that every command judges the experiment `stand` alike, and gives the word.
+#[track_caller]
+fn judged_alike(stand: &Stand, name: &str) -> Value {
+    let identified = stand.json("identify stand --out found.toml")["judgement"].clone();
+    let word = identified["word"].as_str().unwrap().to_owned();
+    let headline = stand.run("identify stand --out found.toml");
+    let headline = headline.split("\n\n").next().unwrap().replace('\n', " ");
+    assert!(headline.contains(&format!(": {word}")), "{name}: {headline}");
+    for command in ["validate stand --model found.toml", "report stand --no-diagnosis --out page.html"] {
+        assert_eq!(stand.json(command)["judgement"], identified, "{name}: `{command}`");
+    }
+    let page = stand.read("page.html");
+    assert!(page.contains(&format!("Judged: {word}")), "{name}");
+    // Without records they say what the file of the model says.
+    for command in ["bandwidth --model found.toml", "design --model found.toml --out c.toml"] {
+        let output = stand.command(&format!("{command} --json -")).output().unwrap();
+        if !output.status.success() {
+            // What cannot be designed for is a reason of the judgement.
+            assert_ne!(word, "ready", "{name}: `{command}`");
+            continue;
+        }
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let warnings = found["warnings"].to_string();
+        let says = warnings.contains(&format!("as {word}"));
+        assert_eq!(says, word != "ready", "{name}: `{command}` {warnings}");
+    }
+    identified
+}
+
+#[test]
+fn every_command_says_the_same_of_a_motor() {
+    for (log, options) in logs() {
+        let stand = Stand::empty();
+        stand.run(&format!("import {} {options} --out stand", log.display()));
+        judged_alike(&stand, &log.display().to_string());
+    }
+    let stand = Stand::of_two_levels();
+    stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
+    fs::remove_dir_all(stand.path("stand")).unwrap();
+    fs::rename(stand.path("sim"), stand.path("stand")).unwrap();
+    let judgement = judged_alike(&stand, "simulated");
+    assert_eq!(judgement["word"], "ready", "{judgement}");
+}
+
+#[test]
+fn a_ramp_that_a_lag_imitates_is_no_lag() {
+    let Some(log) = host_tests::data("cases/ramp-called-usable/log.csv") else { return };
+    let stand = Stand::empty();
+    stand.run(&format!("import {} --excitation staircase --column command=command:duty --out stand", log.display()));
+    let judgement = judged_alike(&stand, "ramp");
+    assert_eq!(judgement["word"], "not a lag");
+    assert!(judgement["reasons"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");
+}

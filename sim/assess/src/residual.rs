@@ -1,0 +1,31 @@
+//! What a model leaves of records, against their noise.
+
+use rotorlead_identify::RecordValidation;
+
+/// Probability that a true model is called wrong on any of the records.
+pub const LEVEL: f64 = 0.01;
+/// An error of the model below this, percent of the response, is not worth a word however sure it is: as much comes of the standard errors of a
+/// good fit.
+const SMALLEST_ERROR_PERCENT: f64 = 1.0;
+
+/// The records that show the model to be wrong by an amount worth a word, at a level that holds over all of them; `None` where no
+/// record shows its noise.
+///
+/// A record shows it where the power that the model leaves over that of the noise has a tail probability below the level over
+/// the number of records (Bonferroni), by [`LeftOver`](rotorlead_identify::LeftOver).
+#[must_use]
+pub fn wrong(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
+    let tested = judged.len() as f64;
+    let shows_error = |record: &&RecordValidation| {
+        record.left_over.is_some_and(|left| left.p_value * tested < LEVEL)
+            && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
+    };
+    (!judged.is_empty()).then(|| judged.into_iter().filter(shows_error).collect())
+}
+
+/// What a model gets wrong of a record, percent of its response; zero where nothing is known of it.
+#[must_use]
+pub fn error_percent(record: &RecordValidation) -> f64 {
+    record.model_error_percent().unwrap_or(0.0)
+}

@@ -1,0 +1,83 @@
+use rotorlead_identify::{IdentifyOptions, identify};
+use rotorlead_plant::bench::{Plan, run};
+use rotorlead_records::Role;
+
+use super::*;
+
+const MOTOR: &str = "format = 1\n\
+    [[point]]\nnominal = 0.4\ngain = 10.0\ntime_constant_s = 0.1\n\
+    [[point]]\nnominal = 0.6\ngain = 13.0\ntime_constant_s = 0.07\n";
+
+/// The paper's experiment on a motor, with these lines more in its model.
+fn stand(more: &str) -> Experiment {
+    let motor: Model = toml::from_str(&format!("{MOTOR}{more}")).unwrap();
+    let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&motor) };
+    run(&plan, &motor, None, &|_| ()).unwrap()
+}
+
+fn judged(experiment: &Experiment) -> Judgement {
+    let model = identify(experiment, &IdentifyOptions::default()).unwrap().model;
+    assess(experiment, &model).judgement
+}
+
+fn effect(kind: &str, parameters: &str) -> String {
+    format!("[[effect]]\nkind = \"{kind}\"\nparameters = {{ {parameters} }}\n")
+}
+
+#[test]
+fn a_lag_on_held_out_records_is_ready() {
+    let judgement = judged(&stand(""));
+    assert_eq!(judgement, Judgement { word: Word::Ready, reasons: Vec::new() });
+}
+
+#[test]
+fn a_ramp_of_the_esc_is_named_and_no_lag() {
+    let judgement = judged(&stand(&effect("slew_limit", "rate_per_s = 0.6")));
+    assert_eq!(judgement.word, Word::NotALag);
+    assert!(judgement.reasons[0].contains("ramps its command, by 0.60 of the range"), "{judgement:?}");
+}
+
+#[test]
+fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
+    for (participation, word) in [(0.5, Word::NotALag), (0.02, Word::ReadyWithinLimits)] {
+        let resonance = format!("participation = {participation}, frequency_hz = 8.0, damping = 0.05");
+        let judgement = judged(&stand(&effect("stand_resonance", &resonance)));
+        assert_eq!(judgement.word, word, "{judgement:?}");
+        assert!(judgement.reasons[0].starts_with("the lag misses"), "{judgement:?}");
+    }
+}
+
+#[test]
+fn without_held_out_records_or_a_second_level_nothing_is_ready() {
+    let whole = stand("");
+    let mut fitted = whole.clone();
+    fitted.records.retain(|record| record.role == Some(Role::Fit));
+    let mut one_level = whole;
+    one_level.records.retain(|record| record.nominal < 0.5);
+    for (experiment, part) in [(fitted, "no record was held out"), (one_level, "u_nom 0.4 alone")] {
+        let judgement = judged(&experiment);
+        assert_eq!(judgement.word, Word::MeasureAgain);
+        assert!(judgement.reasons.iter().any(|reason| reason.contains(part)), "{judgement:?}");
+    }
+}
+
+#[test]
+fn a_dead_time_that_takes_the_gain_is_a_limit() {
+    let late = MOTOR.replace("time_constant_s", "delay_s = 0.05\ntime_constant_s");
+    let motor: Model = toml::from_str(&late).unwrap();
+    let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&motor) };
+    let judgement = judged(&run(&plan, &motor, None, &|_| ()).unwrap());
+    assert_eq!(judgement.word, Word::ReadyWithinLimits, "{judgement:?}");
+    assert!(judgement.reasons[0].starts_with("a dead time of"), "{judgement:?}");
+}
+
+#[test]
+fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
+    let mut other = stand("");
+    other.records.iter_mut().for_each(|record| record.nominal = 0.9);
+    let model: Model = toml::from_str(MOTOR).unwrap();
+    let Assessment { judgement, records } = assess(&other, &model);
+    assert!(records.is_err() && judgement.word == Word::MeasureAgain, "{judgement:?}");
+    let no_lag = Model { points: Vec::new(), ..model };
+    assert!(assess(&other, &no_lag).judgement.reasons[0].contains("static map alone"));
+}

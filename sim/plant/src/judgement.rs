@@ -1,0 +1,53 @@
+//! Whether a compensator may be built on a model, as its file carries it.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Whether a compensator may be built on a model, and what stands in the way. `docs/judgement.md` has the rules.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Judgement {
+    /// In a word.
+    pub word: Word,
+    /// Why, what weighs most first, each with what to do; none where it is [`Word::Ready`].
+    pub reasons: Vec<String>,
+}
+
+/// The four words, from the best on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Word {
+    /// A lag, to within the noise of records that it was not fitted to.
+    #[serde(rename = "ready")]
+    Ready,
+    /// A lag that is good enough where the reasons are heeded.
+    #[serde(rename = "ready within limits")]
+    ReadyWithinLimits,
+    /// The records do not show whether it is one.
+    #[serde(rename = "measure again")]
+    MeasureAgain,
+    /// The records show that it is none.
+    #[serde(rename = "not a lag")]
+    NotALag,
+}
+
+impl fmt::Display for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Ready => "ready",
+            Self::ReadyWithinLimits => "ready within limits",
+            Self::MeasureAgain => "measure again",
+            Self::NotALag => "not a lag",
+        })
+    }
+}
+
+/// The word, and the reason that weighs most.
+impl fmt::Display for Judgement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.reasons.first() {
+            Some(reason) => write!(f, "{}: {reason}", self.word),
+            None => write!(f, "{}", self.word),
+        }
+    }
+}
