@@ -27,7 +27,7 @@ pub fn read_plan(
             let path = folder.join(name);
             if !path.is_file() {
                 let fault = Place::root().key("compensator").fault(
-                    format!("there is no file `{}`", path.display()),
+                    format!("`{}` does not exist", path.display()),
                     "correct the name, which begins in the plan's folder, or put the file there",
                 );
                 return Err(file.show(&fault));

@@ -1,6 +1,7 @@
 //! Units that are not those of the columns, by the size of the numbers.
 
 use rotorlead_numerics::sample::{extent, mean, median};
+use rotorlead_records::files::shown_to;
 use rotorlead_records::{Output, Record};
 
 use super::RecordFault;
@@ -202,7 +203,7 @@ pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gai
     if output == Output::ThrustN
         && let Some(n_per_w) = thrust_per_power(record, response)
     {
-        let evidence = format!("{n_per_w:.3} N for a watt of electrical power");
+        let evidence = format!("{} N for a watt of electrical power", shown_to(n_per_w, 3));
         return match n_per_w {
             n_per_w if n_per_w > THRUST_N_PER_W.1 => fault(ResponseUnit::Grams, evidence),
             n_per_w if n_per_w < THRUST_N_PER_W.0 => fault(ResponseUnit::Kilograms, evidence),
@@ -214,7 +215,7 @@ pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gai
         Output::Rpm => (GAINS_RPM, (ResponseUnit::PerSecond, ResponseUnit::Electrical), "rpm"),
     };
     let gain = gain?;
-    let evidence = format!("full command would change it by some {gain:.2} {name}");
+    let evidence = format!("full command would change it by some {} {name}", shown_to(gain, 2));
     match gain {
         gain if gain > high => fault(units.1, evidence),
         gain if gain < low => fault(units.0, evidence),
