@@ -146,7 +146,7 @@ pub fn hold(folder: &Path, arguments: &[String], trouble: Trouble) -> Result<(),
     }
     let of_files = before.iter().filter_map(|(path, _)| Some(path.file_name()?.to_string_lossy().into_owned()));
     let paths = arguments.iter().filter(|word| !word.starts_with('-')).cloned();
-    let names: Vec<String> = of_files.chain(paths).collect();
+    let names: Vec<String> = of_files.chain(paths).chain(["standard output".to_owned()]).collect();
     let mut failed = true;
     for run in [Some(run), beside].into_iter().flatten() {
         let (status, said, complaint) = run.end();
@@ -287,7 +287,12 @@ fn impossible_word(text: &str, most_decimals: usize) -> Option<String> {
         matches!(*word, "NaN" | "inf")
             || !whole.is_empty() && digits(whole) && digits(decimals) && is_long(whole, decimals)
     };
-    text.split(|c: char| !is_part(c)).find(is_impossible).map(str::to_owned)
+    let word = text.split(|c: char| !is_part(c)).find(is_impossible)?;
+    let line = text.lines().find(|line| line.contains(word))?.trim();
+    let short = |text: &str| text.chars().take(40).collect::<String>();
+    let before = line.split(word).next().unwrap_or_default();
+    let before: String = before.chars().rev().take(100).collect::<Vec<_>>().into_iter().rev().collect();
+    Some(format!("{before}{}", short(word)))
 }
 
 #[test]

@@ -16,9 +16,11 @@ use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
 use thiserror::Error;
 
+use super::report_option::this_command;
+
 /// A result with a number that is none, or impossible in its unit.
 #[derive(Debug, Error, Diagnostic)]
-#[error("the data lead to a number that cannot be: {place}")]
+#[error("`{}` leads to a number that cannot be: {place}", this_command())]
 #[diagnostic(help(
     "look for values in the records or the model that are far from all others; `rotorlead check` says what is odd"
 ))]

@@ -73,13 +73,13 @@ impl Column {
         match (self, previous) {
             (Self::TimeS, Some(previous)) if value == previous => {
                 return Err(Refusal::new(
-                    format!("time stands still at {value}"),
+                    format!("time stands still at {}", shown(value)),
                     "remove the repeated row, or write the times with more digits",
                 ));
             }
             (Self::TimeS, Some(previous)) if value < previous => {
                 return Err(Refusal::new(
-                    format!("time runs backwards, from {previous} to {value}"),
+                    format!("time runs backwards, from {} to {}", shown(previous), shown(value)),
                     "sort the rows by time, and give each run a record of its own",
                 ));
             }
@@ -95,7 +95,7 @@ impl Column {
         }
         Err(if greatest == 1.0 {
             Refusal::new(
-                format!("{value} is outside 0 to 1"),
+                format!("{} is outside 0 to 1", shown(value)),
                 "a command is a duty from 0 to 1: divide a percentage by 100, \
                      scale a pulse width by its range",
             )

@@ -248,6 +248,9 @@ impl Quantity {
     }
 }
 
+/// A part of the whole that someone writes and means.
+const FINEST_DUTY: f64 = 1e-6;
+
 impl Place {
     /// Accepts what its key may hold.
     ///
@@ -260,6 +263,10 @@ impl Place {
             // A key may mean another thing in another table.
             Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::of(key))
         };
+        if *quantity == Quantity::DUTY && value > 0.0 && value < FINEST_DUTY {
+            let help = format!("give 0, or a value from {FINEST_DUTY} to 1: an ESC resolves 1/2000");
+            return Err(self.fault(format!("{} is next to nothing", shown(value)), help));
+        }
         quantity.accept(value).map_err(|(message, help)| self.fault(message, help))
     }
 
@@ -302,6 +309,12 @@ mod tests {
             assert!(quantity.least < quantity.greatest && !quantity.reason.is_empty(), "{quantity:?}");
             quantity.keys.iter().for_each(|key| assert!(keys.insert(*key), "{key} is there twice"));
         }
+    }
+
+    #[test]
+    fn a_command_that_is_next_to_nothing_is_a_slip() {
+        let accepted = |value: f64| Place::root().key("nominal").accept(value).is_ok();
+        assert!(accepted(0.0) && accepted(1e-6) && !accepted(5e-324) && !accepted(9e-7));
     }
 
     #[test]

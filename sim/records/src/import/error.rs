@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::files::shown;
+
 /// Why a log was not taken. Every variant names the file and, where there is one, the line and the
 /// column.
 #[derive(Debug, Error, Diagnostic)]
@@ -345,7 +347,7 @@ pub enum ImportError {
         remedy: String,
     },
     /// A command outside the range that is normalized to 0..1.
-    #[error("{}, line {line}, column `{column}`: {value} is outside {low}..{high}", file.display())]
+    #[error("{}, line {line}, column `{column}`: {} is outside {low}..{high}", file.display(), shown(*value))]
     #[diagnostic(help(
         "where the command is a pulse width, state the ESC's range (zero and full command) with --pulse-us; else its unit is \
          another than its column says"
@@ -378,7 +380,7 @@ pub enum ImportError {
         text: String,
     },
     /// Time runs backwards by more than rows can overtake each other.
-    #[error("{}, line {line}, column `{column}`: time runs backwards by {by_s} s", file.display())]
+    #[error("{}, line {line}, column `{column}`: time runs backwards by {} s", file.display(), shown(*by_s))]
     #[diagnostic(help(
         "this looks like two logs in one file: cut it there and import the parts one by one; where each row is a steady point, \
          say so with `--excitation steady`"
@@ -502,7 +504,7 @@ pub enum ImportError {
         problem: String,
     },
     /// A number of a binary log that cannot be used.
-    #[error("{}, `{name}`, sample {number}: {value}: {problem}", file.display())]
+    #[error("{}, `{name}`, sample {number}: {}: {problem}", file.display(), shown(*value))]
     #[diagnostic(help("cut the log there and import the parts one by one, or correct the sample"))]
     Sample {
         /// The log.
@@ -517,7 +519,7 @@ pub enum ImportError {
         problem: &'static str,
     },
     /// A command of a binary log outside the range that is normalized to 0..1.
-    #[error("{}, `{name}`, sample {number}: {value} is outside {low}..{high}", file.display())]
+    #[error("{}, `{name}`, sample {number}: {} is outside {low}..{high}", file.display(), shown(*value))]
     #[diagnostic(help(
         "state the ESC's range where the command is a pulse width; a vector's unit is taken from its name: `command` is \
          0..1, `command_percent` 0..100, `command_us` a pulse width"
