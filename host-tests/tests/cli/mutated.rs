@@ -25,7 +25,7 @@ const SHOWN: usize = 2;
 /// The folder into which all of them write.
 const MADE: &str = "made";
 /// Commands over all files. What stands for `@` is a number that is drawn.
-const COMMANDS: [&str; 37] = [
+const COMMANDS: [&str; 36] = [
     "check stand --json made/j.json",
     "check steady",
     "check sim",
@@ -53,7 +53,6 @@ const COMMANDS: [&str; 37] = [
     "design --model model.toml --loop-rate @ --slew @ --out made/c.toml",
     "simulate --model model.toml --plan plan.toml --out made/sim --json made/j.json",
     "simulate --model effects.toml --plan compensated.toml --out made/sim",
-    "vehicle --airframe airframe.toml --model model.toml --json made/j.json --report made/r.html",
     "export --for px4 --model model.toml --json made/j.json",
     "export --for betaflight --model model.toml --at @",
     "fleet fleet --json made/j.json --report made/r.html",
@@ -66,11 +65,12 @@ const COMMANDS: [&str; 37] = [
 ];
 
 /// Those that simulate for seconds, which are drawn once in [`SELDOM`].
-const SLOW: [&str; 2] = [
+const SLOW: [&str; 3] = [
+    "vehicle --airframe airframe.toml --model model.toml --json made/j.json --report made/r.html",
     "bandwidth --model effects.toml --kind inverse --robustness --json made/j.json",
     "bandwidth --model model.toml --compensator inverse.toml --sampled --robustness",
 ];
-const SELDOM: f64 = 300.0;
+const SELDOM: f64 = 100.0;
 
 /// Numbers that someone writes by a slip, and the ends of what a float holds.
 const EXTREMES: [&str; 22] = [
