@@ -27,7 +27,7 @@ class Page(Stand):
             ended = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, encoding="utf-8")
             self.assertEqual(ended.returncode, 0, f"{block}\n{ended.stderr}")
             printed.append(ended.stdout)
-        self.assertIn("usable", printed[1])
+        self.assertIn("measure again", printed[1])
         self.assertIn("bad failed: `fleet/bad/experiment.toml` does not exist", printed[2])
         # What the last wrote is what the command takes.
         self.assertEqual(len(answer("fleet", "fleet")["logs"]), 4)

@@ -36,11 +36,14 @@ fn judged_alike(stand: &Stand, name: &str) -> Value {
     let headline = stand.run("identify stand --out found.toml");
     let headline = headline.split("\n\n").next().unwrap().replace('\n', " ");
     assert!(headline.contains(&format!(": {word}")), "{name}: {headline}");
-    for command in ["validate stand --model found.toml", "report stand --no-diagnosis --out page.html"] {
+    for command in [
+        "validate stand --model found.toml --report page.html",
+        "report stand --no-diagnosis --out page.html",
+        "report stand --out page.html",
+    ] {
         assert_eq!(stand.json(command)["judgement"], identified, "{name}: `{command}`");
+        assert!(stand.read("page.html").contains(&format!("Judged: {word}")), "{name}: `{command}`");
     }
-    let page = stand.read("page.html");
-    assert!(page.contains(&format!("Judged: {word}")), "{name}");
     // Without records they say what the file of the model says.
     for command in ["bandwidth --model found.toml", "design --model found.toml --out c.toml"] {
         let output = stand.command(&format!("{command} --json -")).output().unwrap();

@@ -12,7 +12,6 @@ use std::process::{Child, Command, ExitStatus};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use rotorlead_records::files::Quantity;
 use serde_json::Value;
 
 use crate::stand::{everything, program};
@@ -31,6 +30,10 @@ const MOST_BYTES: usize = 4000;
 const MOST_DIGITS: usize = 16;
 /// Digits behind it that nobody reads; a table for programs may have them.
 const MOST_DECIMALS: usize = 20;
+/// The slowest motor.
+const MOST_TIME_CONSTANT_S: f64 = 100.0;
+/// The largest number of a result, a time of an epoch in microseconds.
+const MOST_SIZE: f64 = 1e16;
 /// Options with the path of what a command is to write. Every other path is read.
 const WRITTEN: [&str; 7] =
     ["--out", "--json", "--report", "--figures", "--out-model", "--out-plan", "--out-compensator"];
@@ -145,7 +148,8 @@ pub fn hold(folder: &Path, arguments: &[String], trouble: Trouble) -> Result<(),
         run.signal(signal);
     }
     let of_files = before.iter().filter_map(|(path, _)| Some(path.file_name()?.to_string_lossy().into_owned()));
-    let paths = arguments.iter().filter(|word| !word.starts_with('-')).cloned();
+    let is_path = |word: &&String| !word.starts_with('-') && word.parse::<f64>().is_err();
+    let paths = arguments.iter().skip(1).filter(is_path).cloned();
     let names: Vec<String> = of_files.chain(paths).chain(["standard output".to_owned()]).collect();
     let mut failed = true;
     for run in [Some(run), beside].into_iter().flatten() {
@@ -260,11 +264,13 @@ fn without_code(page: &str) -> String {
     text
 }
 
-/// A number of a JSON value that no file would be allowed to hold under its key.
+/// A number of a JSON value that nothing has.
 fn impossible_value(key: &str, value: &Value) -> Option<String> {
     match value {
-        Value::Number(number) if number.is_f64() => {
-            Quantity::accept_result(key, number.as_f64()?).err().map(|message| format!("`{key}`: {message}"))
+        Value::Number(number) => {
+            let size = number.as_f64()?.abs();
+            let most = if key.starts_with("time_constant") { MOST_TIME_CONSTANT_S } else { MOST_SIZE };
+            (size > most).then(|| format!("`{key}`: {number}"))
         }
         Value::String(text) => impossible_in_text(text),
         Value::Array(items) => items.iter().find_map(|item| impossible_value(key, item)),

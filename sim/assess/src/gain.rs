@@ -10,9 +10,9 @@ pub fn limits(model: &Model) -> Vec<String> {
     let lead = match design(model, &DesignOptions::default()) {
         Ok(lead) => CompensatorDesign::from(lead),
         Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => {
-            return vec![format!("a lead takes --omega-g {largest_omega_g_rad_s:.0} at most")];
+            return vec![format!("a lead takes --omega-g {largest_omega_g_rad_s:.1} at most")];
         }
-        Err(refused) => return vec![format!("no lead can be designed: {refused}")],
+        Err(refused) => return vec![format!("no lead can be designed, as {refused}: --kind inverse may")],
     };
     lost(model, &lead).into_iter().collect()
 }
@@ -27,7 +27,8 @@ fn lost(model: &Model, lead: &CompensatorDesign) -> Option<String> {
     let longest_s = phases.iter().map(|phase| phase.dead_time_s()).fold(0.0, f64::max);
     (lost > 0).then(|| {
         format!(
-            "a dead time of {:.1} ms takes what a lead gains at {lost} of {} points from any loop around it",
+            "a dead time of {:.1} ms takes what a lead gains at {lost} of {} points from any loop around it: shorten the pulses, or \
+             find out whether the log makes it",
             1e3 * longest_s,
             points.len()
         )

@@ -8,13 +8,14 @@ mod gain;
 mod ramp;
 mod residual;
 
-pub use residual::{LEVEL, error_percent, wrong};
+pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Judgement, Model, Word};
 use rotorlead_records::Experiment;
 
-/// What a lag may miss of a response, percent, and still be one to design with: about what a compensator's own limits cost.
+/// What a lag may miss of a response, percent, and still be one to design with: a step of 5 % is about the smallest that a compensator
+/// is asked to sharpen.
 const LARGEST_ERROR_PERCENT: f64 = 5.0;
 /// A time constant is known well enough to this part of it: by as much the gain of a lead at its zero is off, some 1 dB.
 const LARGEST_STD: f64 = 0.1;
@@ -28,9 +29,18 @@ pub struct Assessment {
     pub records: Result<Vec<RecordValidation>, IdentifyError>,
 }
 
-/// Judges `model` by the records of `experiment`.
+/// Records that the model rests on and cannot be compared with as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NotCompared {
+    /// Records that are too long to be in memory.
+    pub long: usize,
+    /// Whether a stand was divided out, which is still in the records.
+    pub stand: bool,
+}
+
+/// Judges `model` by the records of `experiment`, beside which there is what cannot be compared.
 #[must_use]
-pub fn assess(experiment: &Experiment, model: &Model) -> Assessment {
+pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared) -> Assessment {
     let mut claims = Claims::default();
     if model.points.is_empty() {
         claims.add(
@@ -40,8 +50,18 @@ pub fn assess(experiment: &Experiment, model: &Model) -> Assessment {
         return Assessment { judgement: claims.judgement(), records: validate(experiment, model) };
     }
     let records = validate(experiment, model);
+    if not_compared.long > 0 {
+        let reason =
+            "there are records too long to be compared while they are read: `rotorlead validate` compares them";
+        claims.add(Word::MeasureAgain, reason.to_owned());
+    }
     match &records {
-        Ok(records) => claims.of_residual(experiment, records),
+        _ if not_compared.stand => claims.add(
+            Word::ReadyWithinLimits,
+            "a stand was divided out, and no record is without it: what the lag leaves is known of the fit alone"
+                .to_owned(),
+        ),
+        Ok(records) => claims.of_residual(experiment, model, records),
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
     claims.of_points(model);
@@ -58,15 +78,8 @@ impl Claims {
         self.0.push((word, reason));
     }
 
-    fn of_residual(&mut self, experiment: &Experiment, records: &[RecordValidation]) {
-        let worst = |wrong: &[&RecordValidation]| {
-            wrong.iter().copied().max_by(|a, b| error_percent(a).total_cmp(&error_percent(b))).cloned()
-        };
+    fn of_residual(&mut self, experiment: &Experiment, model: &Model, records: &[RecordValidation]) {
         match wrong(records) {
-            None if records.is_empty() => self.add(
-                Word::MeasureAgain,
-                "the records are too long to be compared as they are read: `rotorlead validate` compares them".to_owned(),
-            ),
             None => self.add(
                 Word::MeasureAgain,
                 "no record shows its noise, so that nothing is known of what the lag leaves: hold levels for a second, or record \
@@ -74,37 +87,42 @@ impl Claims {
                     .to_owned(),
             ),
             Some(wrong) => {
-                if let Some(record) = worst(&wrong) {
-                    self.of_error(experiment, &record);
+                let worst = wrong.into_iter().max_by(|a, b| error_percent(a).total_cmp(&error_percent(b)));
+                if let Some(record) = worst {
+                    self.of_error(experiment, model, record);
                 }
             }
         }
-        if !records.is_empty() && !records.iter().any(|record| record.fitted == Some(false)) {
-            self.add(
-                Word::MeasureAgain,
-                "no record was held out: record a second run, and give it role = \"validate\"".to_owned(),
-            );
+        let is_held_out = |record: &RecordValidation| record.fitted == Some(false) && record.left_over.is_some();
+        if records.iter().any(is_held_out) {
+            return;
         }
+        let reason = match records.iter().all(|record| record.fitted.is_some()) {
+            true => "no record was held out that shows its noise: record a second run, and give it role = \"validate\"",
+            false => {
+                "the model does not say what it was fitted to, so that no record is known to be held out: identify it again"
+            }
+        };
+        self.add(Word::MeasureAgain, reason.to_owned());
     }
 
     /// Of a record that shows the model to be wrong.
-    fn of_error(&mut self, experiment: &Experiment, record: &RecordValidation) {
-        let error = error_percent(record);
-        let file = &record.file;
-        if let Some(rate_per_s) = ramp::ramp_per_s(experiment) {
+    fn of_error(&mut self, experiment: &Experiment, model: &Model, record: &RecordValidation) {
+        let missed = format!(
+            "the lag misses {:.1} % of the response of {}, more than its noise",
+            error_percent(record),
+            record.file
+        );
+        if let Some(rate_per_s) = ramp::ramp_per_s(experiment, model) {
             let reason = format!(
-                "the ESC ramps its command, by {rate_per_s:.2} of the range in a second, and the lag imitates that: turn the ramp \
-                 off, or see `rotorlead diagnose`"
+                "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second: that explains most of what the lag \
+                 misses. Turn the ramp off, or see `rotorlead diagnose`"
             );
             self.add(Word::NotALag, reason);
-        } else if error > LARGEST_ERROR_PERCENT {
-            let reason = format!(
-                "the lag misses {error:.1} % of the response of {file}, more than its noise: `rotorlead diagnose` looks for what is \
-                 missing"
-            );
-            self.add(Word::NotALag, reason);
+        } else if error_percent(record) > LARGEST_ERROR_PERCENT {
+            self.add(Word::NotALag, format!("{missed}: `rotorlead diagnose` looks for what is missing"));
         } else {
-            let reason = format!("the lag misses {error:.1} % of the response of {file}, more than its noise");
+            let reason = format!("{missed}: expect as much of what is built on it, or see `rotorlead diagnose`");
             self.add(Word::ReadyWithinLimits, reason);
         }
     }

@@ -6,7 +6,7 @@ use rotorlead_identify::RecordValidation;
 pub const LEVEL: f64 = 0.01;
 /// An error of the model below this, percent of the response, is not worth a word however sure it is: as much comes of the standard errors of a
 /// good fit.
-const SMALLEST_ERROR_PERCENT: f64 = 1.0;
+pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 
 /// The records that show the model to be wrong by an amount worth a word, at a level that holds over all of them; `None` where no
 /// record shows its noise.

@@ -17,7 +17,7 @@ fn stand(more: &str) -> Experiment {
 
 fn judged(experiment: &Experiment) -> Judgement {
     let model = identify(experiment, &IdentifyOptions::default()).unwrap().model;
-    assess(experiment, &model).judgement
+    assess(experiment, &model, NotCompared::default()).judgement
 }
 
 fn effect(kind: &str, parameters: &str) -> String {
@@ -34,7 +34,7 @@ fn a_lag_on_held_out_records_is_ready() {
 fn a_ramp_of_the_esc_is_named_and_no_lag() {
     let judgement = judged(&stand(&effect("slew_limit", "rate_per_s = 0.6")));
     assert_eq!(judgement.word, Word::NotALag);
-    assert!(judgement.reasons[0].contains("ramps its command, by 0.60 of the range"), "{judgement:?}");
+    assert!(judgement.reasons[0].contains("ramp its command, by 0.60 of the range"), "{judgement:?}");
 }
 
 #[test]
@@ -62,6 +62,27 @@ fn without_held_out_records_or_a_second_level_nothing_is_ready() {
 }
 
 #[test]
+fn what_cannot_be_compared_is_said() {
+    let experiment = stand("");
+    let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
+    let judged = |model: &Model, not_compared| assess(&experiment, model, not_compared).judgement;
+    let long = judged(&model, NotCompared { long: 1, stand: false });
+    assert!(long.word == Word::MeasureAgain && long.reasons[0].contains("too long"), "{long:?}");
+    let stand = judged(&model, NotCompared { long: 0, stand: true });
+    assert!(stand.word == Word::ReadyWithinLimits && stand.reasons[0].contains("a stand was divided out"), "{stand:?}");
+    let unknown = judged(&Model { provenance: None, ..model.clone() }, NotCompared::default());
+    assert!(unknown.reasons[0].contains("does not say what it was fitted to"), "{unknown:?}");
+}
+
+#[test]
+fn a_model_that_has_the_ramp_is_no_lag_that_lacks_it() {
+    let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
+    let with: Model = toml::from_str(&format!("{MOTOR}{}", effect("slew_limit", "rate_per_s = 0.7"))).unwrap();
+    let judgement = assess(&experiment, &with, NotCompared::default()).judgement;
+    assert!(!judgement.reasons.iter().any(|reason| reason.contains("ramp its command")), "{judgement:?}");
+}
+
+#[test]
 fn a_dead_time_that_takes_the_gain_is_a_limit() {
     let late = MOTOR.replace("time_constant_s", "delay_s = 0.05\ntime_constant_s");
     let motor: Model = toml::from_str(&late).unwrap();
@@ -76,8 +97,8 @@ fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
     let mut other = stand("");
     other.records.iter_mut().for_each(|record| record.nominal = 0.9);
     let model: Model = toml::from_str(MOTOR).unwrap();
-    let Assessment { judgement, records } = assess(&other, &model);
+    let Assessment { judgement, records } = assess(&other, &model, NotCompared::default());
     assert!(records.is_err() && judgement.word == Word::MeasureAgain, "{judgement:?}");
     let no_lag = Model { points: Vec::new(), ..model };
-    assert!(assess(&other, &no_lag).judgement.reasons[0].contains("static map alone"));
+    assert!(assess(&other, &no_lag, NotCompared::default()).judgement.reasons[0].contains("static map alone"));
 }

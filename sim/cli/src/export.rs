@@ -8,6 +8,7 @@ use rotorlead_identify::stack_parameters::{Parameter, Stack, StackOptions, Stack
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
+use rotorlead_results::judged;
 
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
@@ -89,7 +90,11 @@ impl Export {
             return Err(nothing_known(&found));
         }
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
-        Ok(Outcome::new(text(&found, motors), &found))
+        let mut said = text(&found, motors);
+        if let Some(warning) = judged(&model) {
+            said = format!("{}\n{said}", Syntax::of(stack).comment(&[warning]));
+        }
+        Ok(Outcome::new(said, &found))
     }
 
     /// Refuses options that none of the stack's parameters depends on.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead_assess::{Assessment, assess};
+use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::RecordValidation;
 use rotorlead_plant::{Judgement, Model};
 use rotorlead_records::Experiment;
@@ -41,7 +41,7 @@ impl Validate {
         let (experiment, records, judgement) =
             progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
                 let experiment = Experiment::read(&self.experiment)?;
-                let Assessment { judgement, records } = assess(&experiment, &model);
+                let Assessment { judgement, records } = assess(&experiment, &model, NotCompared::default());
                 let records = records.map_err(miette::Report::from).wrap_err_with(|| {
                     format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
                 })?;

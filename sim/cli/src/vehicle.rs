@@ -11,6 +11,7 @@ use rotorlead_report::{
     Fact, Report, Tone, Verdict, vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section,
     vehicle_table,
 };
+use rotorlead_results::judged;
 use rotorlead_vehicle::{Airframe, Ratios, Row, Study, Worth, findings, headline, steps, study};
 use serde::Serialize;
 
@@ -104,6 +105,7 @@ impl Vehicle {
         found: &[String],
     ) -> Result<String, std::fmt::Error> {
         let mut out = paragraph(&headline(compared), "");
+        out.extend(judged(model).map(|warning| paragraph(&warning, "  ")));
         out.push('\n');
         for sentence in found {
             out.push_str(&paragraph(&format!("- {sentence}"), "  "));

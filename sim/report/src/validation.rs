@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use rotorlead_assess::{LEVEL, wrong};
+use rotorlead_assess::{LEVEL, SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
@@ -27,7 +27,14 @@ pub fn verdict(records: &[RecordValidation]) -> String {
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
     let silent = records.len() - judged.len();
     let least = judged.iter().filter_map(|record| record.left_over).map(|left| left.p_value).fold(1.0, f64::min);
-    if wrong.is_empty() {
+    if wrong.is_empty() && least * (judged.len() as f64) < LEVEL {
+        let sentence = format!(
+            "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the\nresponse: about what a good fit \
+             leaves.\n",
+            equals(least)
+        );
+        text.push_str(&sentence);
+    } else if wrong.is_empty() {
         let of = if judged.len() == 1 { "p" } else { "least p" };
         let sentence = format!(
             "As good as can be: the model leaves no more than noise on\n{} ({of} = {}).\n",

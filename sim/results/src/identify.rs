@@ -1,7 +1,7 @@
 //! What identification finds.
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
-use rotorlead_assess::assess;
+use rotorlead_assess::{NotCompared, assess};
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
 use rotorlead_identify::{
@@ -79,7 +79,8 @@ impl IdentifyResult {
     /// Those of [`identify`].
     pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
         let mut identification = identify(experiment, options)?;
-        let judgement = assess(experiment, &identification.model).judgement;
+        let not_compared = NotCompared { long: options.long.len(), stand: options.stand.is_some() };
+        let judgement = assess(experiment, &identification.model, not_compared).judgement;
         if let Some(provenance) = &mut identification.model.provenance {
             provenance.judgement = Some(judgement.clone());
         }

@@ -1,6 +1,6 @@
 //! What came out beside what the paper prints, for the report.
 
-use rotorlead_assess::wrong;
+use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
 use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, with_std};
@@ -24,7 +24,7 @@ impl Demonstrated<'_> {
                 100.0 * farthest_pole
             ),
             match wrong(self.validated).map(|wrong| !wrong.is_empty()) {
-                Some(false) => "The model leaves no more than noise.".to_owned(),
+                Some(false) => format!("The model leaves no more than noise, or than {SMALLEST_ERROR_PERCENT} % of the response."),
                 Some(true) => "The model leaves more than noise.".to_owned(),
                 None => "No record shows its noise.".to_owned(),
             },

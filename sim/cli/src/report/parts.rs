@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use miette::WrapErr as _;
-use rotorlead_assess::{Assessment, assess};
+use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
@@ -88,7 +88,7 @@ impl Parts {
             }
         };
         bar.set_message("validating");
-        let Assessment { judgement, records } = assess(experiment, &model);
+        let Assessment { judgement, records } = assess(experiment, &model, NotCompared::default());
         let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));

@@ -101,6 +101,7 @@ impl Parts {
             Some(found) => {
                 let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
                 verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+                verdicts.push(report_pages::judged(&self.judgement));
             }
             None if self.identified.is_ok() => {
                 verdicts.push(report_pages::identified(&self.model, &self.judgement, warnings));

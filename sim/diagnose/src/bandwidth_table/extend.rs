@@ -21,6 +21,8 @@ pub(super) fn extended(
 ) -> Result<Model, DiagnoseError> {
     let kind = explanation.kind;
     let mut extended = model.clone();
+    // That was of the model as it was.
+    extended.provenance.iter_mut().for_each(|provenance| provenance.judgement = None);
     if kind.site == Site::Base {
         rescale(&mut extended, table, explanation)?;
         return Ok(extended);

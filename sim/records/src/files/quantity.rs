@@ -195,8 +195,8 @@ impl Quantity {
         Self::ALL.iter().find(|quantity| quantity.keys.contains(&name))
     }
 
-    /// Accepts a number of a result: one that is a time constant is no larger than what a file may hold, and on the wrong side of zero
-    /// by its error at most. Under other keys a result may hold another thing than a file, as the time between two clocks.
+    /// Accepts a number of a result, of either sign, as an estimate may be: one that is a time constant is no larger than what a file may
+    /// hold. Under other keys a result may hold another thing than a file, as the time between two clocks.
     ///
     /// # Errors
     /// What is wrong with it.
