@@ -248,6 +248,8 @@ impl Quantity {
     }
 }
 
+/// Characters of a number that is shown without an exponent.
+const MOST_DIGITS: usize = 20;
 /// A part of the whole that someone writes and means.
 const FINEST_DUTY: f64 = 1e-6;
 
@@ -283,8 +285,9 @@ impl Place {
 #[must_use]
 pub fn shown(value: f64) -> String {
     let size = value.abs();
-    if size == 0.0 || (1e-6..1e9).contains(&size) || !size.is_finite() {
-        value.to_string()
+    let plain = value.to_string();
+    if size == 0.0 || !size.is_finite() || (1e-6..1e9).contains(&size) && plain.len() <= MOST_DIGITS {
+        plain
     } else {
         format!("{value:e}")
     }
