@@ -1,7 +1,7 @@
 //! `rotorlead export`
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use rotorlead_identify::stack_parameters::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
@@ -87,7 +87,7 @@ impl Export {
         let options = StackOptions { at: self.at, output_range: self.output_range };
         let found = stack_parameters(stack, &model, experiment.as_ref(), options);
         if found.parameters.is_empty() {
-            return Err(nothing_known(&found));
+            return Err(nothing_known(&found, &self.model));
         }
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
         let mut said = text(&found, motors);
@@ -117,13 +117,14 @@ impl Export {
     }
 }
 
-fn nothing_known(found: &StackParameters) -> miette::Report {
+fn nothing_known(found: &StackParameters, model: &Path) -> miette::Report {
     let reasons: Vec<String> =
         found.refused.iter().map(|refusal| format!("{}: {}", refusal.name, refusal.why)).collect();
     miette::miette!(
         help = "docs/export.md says what each parameter is from, and what to record",
-        "none of the parameters is known\n{}",
-        reasons.join("\n")
+        "`{}` tells none of the parameters: {}",
+        model.display(),
+        reasons.join("; ")
     )
 }
 
