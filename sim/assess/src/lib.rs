@@ -32,8 +32,8 @@ pub struct Assessment {
 /// Records that the model rests on and cannot be compared with as they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NotCompared {
-    /// Records that are too long to be in memory.
-    pub long: usize,
+    /// Whether there are records too long to be in memory.
+    pub long: bool,
     /// Whether a stand was divided out, which is still in the records.
     pub stand: bool,
 }
@@ -50,7 +50,7 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
         return Assessment { judgement: claims.judgement(), records: validate(experiment, model) };
     }
     let records = validate(experiment, model);
-    if not_compared.long > 0 {
+    if not_compared.long {
         let reason =
             "there are records too long to be compared while they are read: `rotorlead validate` compares them";
         claims.add(Word::MeasureAgain, reason.to_owned());
@@ -61,6 +61,8 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
             "a stand was divided out, and no record is without it: what the lag leaves is known of the fit alone"
                 .to_owned(),
         ),
+        // All of them are long.
+        Ok(records) if records.is_empty() && not_compared.long => {}
         Ok(records) => claims.of_residual(experiment, model, records),
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }

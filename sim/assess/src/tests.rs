@@ -66,9 +66,12 @@ fn what_cannot_be_compared_is_said() {
     let experiment = stand("");
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
     let judged = |model: &Model, not_compared| assess(&experiment, model, not_compared).judgement;
-    let long = judged(&model, NotCompared { long: 1, stand: false });
+    let long = judged(&model, NotCompared { long: true, stand: false });
     assert!(long.word == Word::MeasureAgain && long.reasons[0].contains("too long"), "{long:?}");
-    let stand = judged(&model, NotCompared { long: 0, stand: true });
+    let all_long = Experiment { records: Vec::new(), ..experiment.clone() };
+    let judgement = assess(&all_long, &model, NotCompared { long: true, stand: false }).judgement;
+    assert!(judgement.reasons.len() == 1 && judgement.reasons[0].contains("too long"), "{judgement:?}");
+    let stand = judged(&model, NotCompared { long: false, stand: true });
     assert!(stand.word == Word::ReadyWithinLimits && stand.reasons[0].contains("a stand was divided out"), "{stand:?}");
     let unknown = judged(&Model { provenance: None, ..model.clone() }, NotCompared::default());
     assert!(unknown.reasons[0].contains("does not say what it was fitted to"), "{unknown:?}");

@@ -79,7 +79,7 @@ impl IdentifyResult {
     /// Those of [`identify`].
     pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
         let mut identification = identify(experiment, options)?;
-        let not_compared = NotCompared { long: options.long.len(), stand: options.stand.is_some() };
+        let not_compared = NotCompared { long: !options.long.is_empty(), stand: options.stand.is_some() };
         let judgement = assess(experiment, &identification.model, not_compared).judgement;
         if let Some(provenance) = &mut identification.model.provenance {
             provenance.judgement = Some(judgement.clone());
