@@ -19,8 +19,8 @@ use std::process::Command as Process;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser as _};
+use rotorlead_answer::FigureKind;
 use rotorlead_cli::Arguments;
-use rotorlead_report::FigureKind;
 
 use crate::gallery::put_demo;
 use crate::stand::program;

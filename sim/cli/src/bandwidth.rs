@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
+use rotorlead_answer::{Fact, Report, Table};
 use rotorlead_identify::design::{BandwidthPoint, Chain, ChainPhase, StepPoint, bandwidths_with, chain_phases, steps};
 use rotorlead_identify::{
     IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
@@ -15,8 +16,8 @@ use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
 use rotorlead_report::{
-    Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, in_short,
-    measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
+    BandwidthValues, bandwidth_section, bandwidth_table, bandwidth_values, in_short, measured_response, measured_table,
+    simulated_response, simulation_and_experiment, steps_table,
 };
 use rotorlead_results::{judged, latency_json, lost_gain};
 use serde::Serialize;
@@ -81,7 +82,7 @@ pub struct Bandwidth {
 /// What came out, for programs.
 #[derive(Serialize)]
 struct Values {
-    points: Vec<PointValues>,
+    points: Vec<BandwidthValues>,
     latency: Value,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
+use rotorlead_answer::Report;
 use rotorlead_identify::design::{DesignedInverse, MOST_OVER_REFERENCE};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
 use rotorlead_report::{
-    Report, bandwidth_section, curve_table, design_section, design_table, discrete_table, inverse_equation,
-    inverse_table, transfer_function,
+    bandwidth_section, curve_table, design_section, design_table, discrete_table, inverse_equation, inverse_table,
+    transfer_function,
 };
 use rotorlead_results::{DesignResult, Designed, setting_name};
 

@@ -1,9 +1,10 @@
 //! `--robustness` of `rotorlead bandwidth`: compensators on actuators that differ from their model.
 
 use rayon::prelude::*;
+use rotorlead_answer::Table;
 use rotorlead_identify::design::{DEVIATIONS, DesignOptions, Robustness, design, robustness};
 use rotorlead_plant::{CompensatorDesign, Model};
-use rotorlead_report::{Table, robustness_table};
+use rotorlead_report::robustness_table;
 use serde::Serialize;
 
 use super::progress;

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use rotorlead_answer::Report;
+use rotorlead_answer::Verdict as Headline;
 use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
-use rotorlead_report::Verdict as Headline;
-use rotorlead_report::{Report, diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
+use rotorlead_report::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
 use rotorlead_results::diagnosis_json;
 use serde_json::json;
 

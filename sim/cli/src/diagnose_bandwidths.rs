@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
+use rotorlead_answer::Report;
+use rotorlead_answer::Verdict as Headline;
 use rotorlead_diagnose::bandwidth_table::{
     BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, diagnose_bandwidths,
 };
@@ -13,10 +15,8 @@ use rotorlead_identify::design::{DesignOptions, design};
 use rotorlead_plant::CompensatorDesign;
 use rotorlead_plant::{Catalog, Model, Provenance};
 use rotorlead_records::files::{Quantity, check_writable};
-use rotorlead_report::Verdict as Headline;
 use rotorlead_report::{
-    Report, bandwidth_diagnosis_section, diagnosis_tone, explanations_table, parameter_table, predicted_table,
-    ratios_table,
+    bandwidth_diagnosis_section, diagnosis_tone, explanations_table, parameter_table, predicted_table, ratios_table,
 };
 use serde_json::{Value, json};
 

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::Diagnostic as _;
+use rotorlead_answer::{Fact, Report, Section, Tone, Verdict};
 use rotorlead_plant::bench::multisine::{
     DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize,
 };
 use rotorlead_records::files::{Quantity, check_writable, write_file};
-use rotorlead_report::{Fact, Report, Section, Tone, Verdict, excitation};
+use rotorlead_report::excitation;
 use serde_json::json;
 
 use super::WrongUse;

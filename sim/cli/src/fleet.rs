@@ -4,11 +4,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use rotorlead_answer::{Report, Tone, Verdict};
 use rotorlead_identify::fleet::{Comparison, Drift, Log, LogPoint, Quantity, compare, share};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
-use rotorlead_report::{FleetRow, Report, Tone, Verdict, fleet_section, logs_table, motors_table, usual_table};
+use rotorlead_report::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{JsonOption, Outcome};
@@ -60,7 +61,7 @@ impl Fleet {
         for table in [usual_table(&time_constants, &gains, output), motors_table(&time_constants, &gains)] {
             writeln!(text, "{}", table.text()).expect("a string takes all");
         }
-        let noted = rotorlead_report::Table {
+        let noted = rotorlead_answer::Table {
             rows: noted(&rows, &time_constants, &gains),
             ..logs_table(&rows, &time_constants, &gains)
         };
@@ -168,7 +169,7 @@ fn common_output(read: &[Read]) -> miette::Result<Option<Output>> {
 }
 
 /// The rows of logs of which something is to be said.
-fn noted(rows: &[FleetRow], time_constants: &Comparison, gains: &Comparison) -> Vec<Vec<rotorlead_report::Cell>> {
+fn noted(rows: &[FleetRow], time_constants: &Comparison, gains: &Comparison) -> Vec<Vec<rotorlead_answer::Cell>> {
     let all = logs_table(rows, time_constants, gains).rows;
     all.into_iter().filter(|cells| cells.last().is_some_and(|note| !note.text.is_empty())).collect()
 }

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use rotorlead_answer::{Report, Section, Table};
 use rotorlead_identify::stand::StandModel;
 use rotorlead_identify::steps::LawComparison;
 use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::{Experiment, Output};
-use rotorlead_report::{Report, Section, Table, excitation_section, identification_section, identification_tables};
+use rotorlead_report::{excitation_section, identification_section, identification_tables};
 use rotorlead_results::{IdentifyResult, transform};
 use serde_json::json;
 

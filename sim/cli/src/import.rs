@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use miette::{Diagnostic as _, miette};
+use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_identify::Finding;
 use rotorlead_identify::check::of_record;
 use rotorlead_records::files::{FileError, Quantity};
@@ -13,7 +14,6 @@ use rotorlead_records::import::{
     ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
 use rotorlead_records::{Excitation, Experiment, Output};
-use rotorlead_report::{Cell, Column, Table};
 use serde_json::json;
 
 use super::WrongUse;

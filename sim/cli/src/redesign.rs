@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::Diagnostic as _;
+use rotorlead_answer::Section;
 use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_identify::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
 };
 use rotorlead_records::files::{FileError, Quantity, check_writable};
-use rotorlead_report::{Section, bandwidth_cell, in_short, redesign_sections, redesign_table};
+use rotorlead_report::{bandwidth_text, in_short, redesign_sections, redesign_table};
 use serde::Serialize;
 
 use super::WrongUse;
@@ -235,9 +236,9 @@ fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     };
     let from = limit.passed_from_rad_s.unwrap_or_default();
     let largest = limit.largest_amplitude;
-    let promised = bandwidth_cell(point.small.compensated, 1);
-    let alone = bandwidth_cell(point.small.uncompensated, 1);
-    let reached = bandwidth_cell(point.chain.magnitude, 1);
+    let promised = bandwidth_text(point.small.compensated, 1);
+    let alone = bandwidth_text(point.small.uncompensated, 1);
+    let reached = bandwidth_text(point.chain.magnitude, 1);
     let reachable = limit.reachable_rad_s;
     format!(
         "u_nom {nominal:.3}: from {from:.1} rad/s on the compensated command would {what}. The {promised} rad/s that the lead \

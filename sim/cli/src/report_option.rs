@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::IntoDiagnostic as _;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_answer::{Figure, Report};
 use rotorlead_records::files::{FileError, check_writable, make_folder, write_file};
-use rotorlead_report::{Figure, FigureError, Report};
+use rotorlead_report::{FigureError, html, png, svg};
 
 use super::progress;
 
@@ -50,7 +51,7 @@ impl ReportOption {
         let report = report();
         let mut text = self.figures.write(&report)?;
         if let Some(file) = &self.report {
-            write_file(file, report.html()?.as_bytes())?;
+            write_file(file, html(&report)?.as_bytes())?;
             writeln!(text, "\nReport: {}", file.display()).into_diagnostic()?;
         }
         Ok(text)
@@ -71,7 +72,7 @@ impl FiguresOption {
         // Bitmaps take their time: they are drawn side by side.
         let bar = progress::bar("drawing", figures.len() as u64);
         let draw = |figure: &&Figure| {
-            let drawn = (figure.svg()?, figure.png()?);
+            let drawn = (svg(figure)?, png(figure)?);
             bar.inc(1);
             Ok(drawn)
         };

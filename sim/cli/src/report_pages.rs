@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use rotorlead_answer::{Fact, Report, Tone, Verdict};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
 use rotorlead_plant::{CompensatorDesign, Judgement, Model, Word};
 use rotorlead_records::Experiment;
-use rotorlead_report::{Fact, Report, Tone, Verdict, experiment_facts};
+use rotorlead_report::experiment_facts;
 
 use super::report_option::this_command;
 

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::WrapErr as _;
+use rotorlead_answer::{Fact, Report, Tone, Verdict};
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{OutputFolder, TextFile};
-use rotorlead_report::{Fact, Report, Tone, Verdict, simulation_section};
+use rotorlead_report::simulation_section;
 use rotorlead_results::{read_plan, simulation_json};
 
 use super::outcome::{JsonOption, Outcome};

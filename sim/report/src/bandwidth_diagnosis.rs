@@ -1,8 +1,7 @@
 //! What a diagnosis of a table of bandwidths found, as figures.
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_diagnose::bandwidth_table::{BandwidthDiagnosis, Column, Explanation, Standing};
-
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
 /// Height of a line of a table of bars or dots, and of what is around them.
 const LINE: u32 = 26;

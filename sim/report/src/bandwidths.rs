@@ -1,14 +1,13 @@
 //! Bandwidths: their tables, and their values for programs.
 
+use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase, PhaseAtBandwidth};
 use rotorlead_identify::{Bandwidth, MeasuredBandwidth};
 use serde::Serialize;
 
-use crate::table::{Cell, Column, Table};
-
 /// The bandwidths at one nominal command, with the phase of the whole chain there and the frequency at which it is -90 degrees.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct PointValues {
+pub struct BandwidthValues {
     #[serde(flatten)]
     point: BandwidthPoint,
     uncompensated_phase_deg: Option<f64>,
@@ -20,8 +19,8 @@ pub struct PointValues {
 
 /// One value per nominal command. `phases` are those of the same points.
 #[must_use]
-pub fn bandwidth_values(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<PointValues> {
-    let values = |(point, phase): (&BandwidthPoint, &ChainPhase)| PointValues {
+pub fn bandwidth_values(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<BandwidthValues> {
+    let values = |(point, phase): (&BandwidthPoint, &ChainPhase)| BandwidthValues {
         point: *point,
         uncompensated_phase_deg: phase.uncompensated.phase_deg,
         uncompensated_minus_90_rad_s: phase.uncompensated.minus_90,
@@ -34,22 +33,20 @@ pub fn bandwidth_values(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec
 
 /// A bandwidth in a column, or the frequency up to which there is none.
 #[must_use]
-pub fn bandwidth_cell(bandwidth: Bandwidth, digits: usize) -> String {
+pub fn bandwidth_text(bandwidth: Bandwidth, digits: usize) -> String {
     match bandwidth {
         Bandwidth::At(omega) => format!("{omega:.digits$}"),
         Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
     }
 }
 
-impl Cell {
-    /// A bandwidth: its words and, where there is one, its number.
-    #[must_use]
-    pub fn bandwidth(bandwidth: Bandwidth, digits: usize) -> Self {
-        let text = bandwidth_cell(bandwidth, digits);
-        match bandwidth.rad_s().filter(|omega_rad_s| omega_rad_s.is_finite()) {
-            Some(omega_rad_s) => Self::shown(omega_rad_s, text),
-            None => Self::unknown(text),
-        }
+/// A bandwidth as a cell: its words and, where there is one, its number.
+#[must_use]
+pub fn bandwidth_cell(bandwidth: Bandwidth, digits: usize) -> Cell {
+    let text = bandwidth_text(bandwidth, digits);
+    match bandwidth.rad_s().filter(|omega_rad_s| omega_rad_s.is_finite()) {
+        Some(omega_rad_s) => Cell::shown(omega_rad_s, text),
+        None => Cell::unknown(text),
     }
 }
 
@@ -57,13 +54,13 @@ impl Cell {
 #[must_use]
 pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
     let phase_cells =
-        |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), Cell::bandwidth(phase.minus_90, 2)];
+        |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), bandwidth_cell(phase.minus_90, 2)];
     let row = |(index, point): (usize, &BandwidthPoint)| {
         let factor = point.compensated.rad_s().zip(point.uncompensated.rad_s()).map(|(after, before)| after / before);
         let mut cells = vec![
             Cell::number(point.nominal, 3),
-            Cell::bandwidth(point.uncompensated, 4),
-            Cell::bandwidth(point.compensated, 4),
+            bandwidth_cell(point.uncompensated, 4),
+            bandwidth_cell(point.compensated, 4),
             Cell::optional(factor, 2),
         ];
         if let Some(phase) = phases.get(index) {
@@ -101,9 +98,9 @@ pub fn measured_table(measured: &[MeasuredBandwidth]) -> Table {
             Cell::text(one.file.clone()),
             Cell::number(one.nominal, 3),
             Cell::text(if one.compensated { "with" } else { "without" }),
-            Cell::bandwidth(one.bandwidth.bandwidth, 2),
-            Cell::bandwidth(one.bandwidth.lower, 2),
-            Cell::bandwidth(one.bandwidth.upper, 2),
+            bandwidth_cell(one.bandwidth.bandwidth, 2),
+            bandwidth_cell(one.bandwidth.lower, 2),
+            bandwidth_cell(one.bandwidth.upper, 2),
         ]
     };
     Table {

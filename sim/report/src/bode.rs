@@ -3,9 +3,8 @@
 use std::collections::VecDeque;
 
 use num_complex::Complex64;
+use rotorlead_answer::{Axis, Color, Mark, Panel, Series};
 use rotorlead_identify::{FrequencyResponse, ResponsePoint};
-
-use super::figure::{Axis, Color, Mark, Panel, Series};
 
 /// Probability that a band holds the truth, at each line.
 pub(super) const BAND: f64 = 0.95;

@@ -2,6 +2,7 @@
 
 use num_complex::Complex64;
 use rotorlead::design::LeadParameters;
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::design::redesign::RedesignPoint;
 use rotorlead_identify::{
@@ -10,8 +11,7 @@ use rotorlead_identify::{
 use rotorlead_plant::{CompensatorDesign, Model};
 
 use super::bode::{Curve, bode};
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use super::number::at_nominal;
+use crate::number::at_nominal;
 
 /// The lowest frequency of a model's curve, rad/s: that of the paper's excitation.
 const FROM_RAD_S: f64 = 0.63;

@@ -3,11 +3,11 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
+use rotorlead_answer::escape::field;
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, HeatCell, HeatMap, Mark, Panel, Series};
 use rotorlead_diagnose::{Diagnosis, Excess, MapCell};
 
-use super::escape::field;
-use super::figure::{Axis, Cell, Color, Figure, FigureKind, HeatMap, Mark, Panel, Series};
-use super::unit::unit;
+use crate::unit::unit;
 
 /// Kinds that are shown.
 const MOST_KINDS: usize = 12;
@@ -43,7 +43,7 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
         let cells = cells.iter().filter_map(|cell| {
             let row = nominals.iter().position(|nominal| *nominal == cell.nominal)?;
             let (from, to) = cell.band_hz;
-            Some(Cell { x: (TAU * from, TAU * to), row, value: ratio(of(cell)) })
+            Some(HeatCell { x: (TAU * from, TAU * to), row, value: ratio(of(cell)) })
         });
         let map =
             HeatMap { label: "residual over noise, in power".into(), range: (1.0, DARKEST), cells: cells.collect() };

@@ -1,9 +1,8 @@
 //! Noise and nonlinear distortion, per nominal command.
 
+use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_identify::{DistortionLevel, NominalIdentification, PeriodicIdentification};
 use serde::Serialize;
-
-use crate::table::{Cell, Column, Table};
 
 /// The levels at one nominal command, dB; null where its records do not tell them.
 #[derive(Clone, Copy, Debug, Serialize)]

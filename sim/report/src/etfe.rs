@@ -1,12 +1,12 @@
 //! Frequency responses that were measured, with what was fitted to them: the paper's Figs. 5 and 6.
 
+use rotorlead_answer::{Color, Figure, FigureKind, Mark};
 use rotorlead_identify::{ComparedLines, NominalIdentification, PeriodicIdentification};
 use rotorlead_records::Output;
 
 use super::bode::{Curve, bode};
-use super::figure::{Color, Figure, FigureKind, Mark};
-use super::number::at_nominal;
-use super::unit::gain_decibels;
+use crate::number::at_nominal;
+use crate::unit::gain_decibels;
 
 /// All nominal commands together: the smoothed estimates with their bands, and the lags. `None` without a record that is
 /// not compensated.

@@ -3,10 +3,9 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_fourier as fourier;
 use rotorlead_records::{Excitation, Record};
-
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
 /// Points of the curve over time.
 const MOST: usize = 2000;

@@ -1,4 +1,4 @@
-//! What a person looks at: tables, figures, and the report that holds them.
+//! What a person looks at: what tables, figures and sections say, and figures and reports drawn.
 
 mod bandwidth_diagnosis;
 mod bandwidths;
@@ -7,11 +7,11 @@ mod catalog;
 mod compensation;
 mod diagnosis;
 mod distortion;
-mod escape;
 mod etfe;
 mod excitation;
 mod figure;
 mod html;
+mod markup;
 mod number;
 pub mod paper;
 mod predicted_steps;
@@ -19,20 +19,21 @@ mod sections;
 mod stand;
 mod static_map;
 mod steps;
-mod table;
 mod time_response;
 mod unit;
 mod validation;
 mod vehicle;
 
-pub use bandwidths::{PointValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
+pub use bandwidths::{
+    BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_text, bandwidth_values, measured_table,
+};
 pub use bode::{Band, Curve, bode};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use compensation::{measured as measured_response, simulated as simulated_response, simulation_and_experiment};
 pub use distortion::DistortionValues;
 pub use excitation::{crest_factor, excitation};
-pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
-pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
+pub use figure::{FigureError, png, svg};
+pub use html::html;
 pub use number::{parameter_with_std, with_std};
 pub use predicted_steps::{robustness_table, steps_table};
 pub use sections::{

@@ -1,8 +1,9 @@
 //! Predicted steps, without and with a compensator, and what is left of one where the actuator differs.
 
+use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_identify::design::{DEVIATIONS, Robustness, StepPoint, StepResponse};
 
-use crate::html::{Cell, Column, Table};
+use crate::bandwidths::bandwidth_cell;
 
 /// Rise, overshoot and settling of each step.
 #[must_use]
@@ -42,9 +43,9 @@ pub fn robustness_table(compensators: &[(&str, Vec<Robustness>)]) -> Table {
             vec![
                 Cell::text(*name),
                 Cell::text(deviation.name),
-                Cell::bandwidth(found.lowest, 1),
-                Cell::bandwidth(found.highest, 1),
-                Cell::bandwidth(found.lowest_phase, 1),
+                bandwidth_cell(found.lowest, 1),
+                bandwidth_cell(found.highest, 1),
+                bandwidth_cell(found.lowest_phase, 1),
                 Cell::number(found.peak_db, 2),
                 Cell::number(100.0 * found.overshoot, 1),
             ]

@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::parametric::Root;
 use rotorlead_identify::stand::StandIdentification;
 
 use super::bode::{Curve, bode};
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
 /// The frequency response with the transfer function, and its poles and zeros.
 #[must_use]

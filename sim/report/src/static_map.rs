@@ -1,11 +1,11 @@
 //! Response over command at rest: the paper's Fig. 2.
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoint, SteadyPoints};
 use rotorlead_identify::steps::Direction;
 use rotorlead_records::Output;
 
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use super::unit::quantity;
+use crate::unit::quantity;
 
 /// Points of the curve.
 const COUNT: u32 = 120;

@@ -1,10 +1,9 @@
 //! Steps of a staircase laid over each other, and the time constant over operating points.
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::Estimate;
 use rotorlead_identify::steps::{Direction, StaircaseFit, Step, StepFault};
 use rotorlead_records::Record;
-
-use crate::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
 /// Most steps that are drawn in a panel, spread evenly over the record: more of them cover each other.
 const MOST_DRAWN: usize = 24;

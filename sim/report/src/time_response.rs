@@ -1,10 +1,10 @@
 //! Responses over time beside the model's: the paper's Fig. 7.
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::ComparedRow;
 use rotorlead_records::Output;
 
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use super::unit::quantity;
+use crate::unit::quantity;
 
 /// Points of a curve: more than a screen has columns.
 const MOST: usize = 1500;

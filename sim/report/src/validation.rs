@@ -3,15 +3,14 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
+use rotorlead_answer::{Cell, Column, Figure, Table};
 use rotorlead_assess::{LEVEL, SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
 use rotorlead_records::Output;
 
-use super::figure::Figure;
-use super::html::{Cell, Column, Table};
-use super::{etfe, time_response};
+use crate::{etfe, time_response};
 
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;

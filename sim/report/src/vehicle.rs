@@ -1,8 +1,7 @@
 //! Figures of a comparison of actuators in a vehicle.
 
+use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_vehicle::{Airframe, Row, Study};
-
-use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
 /// Height of a panel among several, pixels.
 const HEIGHT: u32 = 240;

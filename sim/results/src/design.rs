@@ -8,7 +8,7 @@ use rotorlead_identify::design::{
 use rotorlead_plant::{
     ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator, Word,
 };
-use rotorlead_report::{PointValues, bandwidth_values, fastest_point};
+use rotorlead_report::{BandwidthValues, bandwidth_values, fastest_point};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -91,7 +91,7 @@ pub struct LeadValues {
     l1_gain: f64,
     step_peak: f64,
     command_noise_gain: [CommandNoiseGain; 3],
-    points: Vec<PointValues>,
+    points: Vec<BandwidthValues>,
     latency: Value,
 }
 
@@ -109,7 +109,7 @@ pub struct InverseValues {
     step_peak: f64,
     command_noise_gain: [CommandNoiseGain; 3],
     warnings: Vec<String>,
-    points: Vec<PointValues>,
+    points: Vec<BandwidthValues>,
     latency: Value,
 }
 

@@ -1,7 +1,7 @@
 //! The warning that dead time takes the use from what a compensator gains.
 
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase};
-use rotorlead_report::bandwidth_cell;
+use rotorlead_report::bandwidth_text;
 
 /// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
 /// the point that it takes most from.
@@ -14,7 +14,7 @@ pub fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<Str
     let worst = lost.iter().max_by(|a, b| lag_deg(a).total_cmp(&lag_deg(b)))?;
     let (point, phase) = worst;
     let whole = phase.compensated.phase_deg.map(|deg| format!(", and the phase of the whole chain is {deg:.0}"));
-    let cell = |bandwidth| bandwidth_cell(bandwidth, 1);
+    let cell = |bandwidth| bandwidth_text(bandwidth, 1);
     Some(format!(
         "warning: dead time makes the gained bandwidth worthless at {} of {} points. At u_nom {:.3} the compensator promises {} \
          rad/s instead of {}, but the dead time of {:.1} ms (model {:.1}, pulse in to pulse out {:.1}) alone lags {:.0} degrees \

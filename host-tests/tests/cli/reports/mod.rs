@@ -11,7 +11,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use rotorlead_report::FigureKind;
+use rotorlead_answer::FigureKind;
 use serde::Deserialize;
 
 use crate::gallery::{self, Shown};

@@ -1,9 +1,10 @@
 //! What came out beside what the paper prints, for the report.
 
+use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, with_std};
+use rotorlead_report::{bandwidth_cell, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -135,7 +136,7 @@ impl Demonstrated<'_> {
     }
 
     fn measured_bandwidths(&self) -> Table {
-        let cell = |bandwidth| Cell::bandwidth(bandwidth, 2);
+        let cell = |bandwidth| bandwidth_cell(bandwidth, 2);
         let rows = PAPER.iter().zip(self.measured).map(|(paper, measured)| {
             vec![
                 Cell::number(paper.nominal, 2),

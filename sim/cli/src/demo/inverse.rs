@@ -1,5 +1,6 @@
 //! The conditioned inverse on the same actuators: what goes beyond the paper.
 
+use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Series, Table};
 use rotorlead_identify::design::{
     BandwidthPoint, Chain, InverseOptions, StepPoint, Stepped, bandwidths, design_inverse, steps,
 };
@@ -7,7 +8,7 @@ use rotorlead_identify::{EtfeBandwidth, PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::Plan;
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Excitation;
-use rotorlead_report::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Series, Table};
+use rotorlead_report::bandwidth_cell;
 use serde::Serialize;
 
 use crate::bandwidth::RESAMPLES;
@@ -96,10 +97,10 @@ impl InverseDemonstration {
                 [&self.steps[0], &self.steps[1]].map(|steps| up(steps, simulated.nominal));
             vec![
                 Cell::number(simulated.nominal, 2),
-                Cell::bandwidth(simulated.compensated, 2),
-                Cell::bandwidth(measured.bandwidth, 2),
-                Cell::bandwidth(measured.lower, 2),
-                Cell::bandwidth(measured.upper, 2),
+                bandwidth_cell(simulated.compensated, 2),
+                bandwidth_cell(measured.bandwidth, 2),
+                bandwidth_cell(measured.lower, 2),
+                bandwidth_cell(measured.upper, 2),
                 Cell::optional(without, 1),
                 Cell::optional(lead, 1),
                 Cell::optional(inverse, 1),

@@ -12,6 +12,7 @@ use clap::Args;
 use miette::IntoDiagnostic as _;
 use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
+use rotorlead_answer::{Color, Figure, FigureKind, Mark, Report};
 use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
@@ -22,8 +23,8 @@ use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
 use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_report::{
-    Color, Curve, Figure, FigureKind, Mark, Report, bandwidth_section, bode, design_section, excitation_section,
-    identification_section, measured_response, simulation_and_experiment, validation_section,
+    Curve, bandwidth_section, bode, design_section, excitation_section, identification_section, measured_response,
+    simulation_and_experiment, svg, validation_section,
 };
 use serde::Serialize;
 
@@ -171,9 +172,9 @@ impl Demo {
         model.write(&self.out.join("model.toml"))?;
         compensator.write(&self.out.join("compensator.toml"))?;
         let drawn = bode_plot(&design, found, &compensated);
-        write_file(&figure, drawn.svg()?.as_bytes())?;
+        write_file(&figure, svg(&drawn)?.as_bytes())?;
         inverse.design.write(&self.out.join("inverse.toml"))?;
-        write_file(&steps, inverse.figure.svg()?.as_bytes())?;
+        write_file(&steps, svg(&inverse.figure)?.as_bytes())?;
 
         let result = Demonstrated {
             model,

@@ -11,6 +11,7 @@ use miette::IntoDiagnostic as _;
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
+use rotorlead_report::html;
 
 use parts::Parts;
 
@@ -59,7 +60,7 @@ impl ReportCommand {
         let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis, self.kind)?;
         let report = parts.report(self, &experiment, given.as_deref());
         let figures = self.figures.write(&report)?;
-        write_file(&self.out, report.html()?.as_bytes())?;
+        write_file(&self.out, html(&report)?.as_bytes())?;
 
         let mut text = format!("{}\n", wrapped(&report.verdict.headline, WIDTH, ""));
         for sentence in &report.verdict.sentences {

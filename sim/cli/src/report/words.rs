@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use rotorlead_answer::{Report, Section, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::Finding;
 use rotorlead_identify::design::DesignOptions;
 use rotorlead_records::Experiment;
 use rotorlead_report::{
-    Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, measured_response, parameter_with_std, simulation_and_experiment, validation_section,
+    bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section, measured_response,
+    parameter_with_std, simulation_and_experiment, validation_section,
 };
 use rotorlead_results::{PointValues, lost_gain};
 use serde_json::{Value, json};

@@ -7,13 +7,14 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters_backend::DrawingBackend;
+use rotorlead_answer::{Axis, Figure, HeatMap, Mark, Panel, Scale, Series};
 
 use along::Along;
 use legend::Legend;
 
-use super::extent::Extent;
+use super::extent::{Extent, has, is_drawn};
 use super::ticks::ticks;
-use super::{Axis, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
+use super::{FigureError, PALE};
 
 /// Units of the drawing per pixel: the drawing library rounds to whole ones, and curves would get steps of a pixel.
 pub(super) const PX: u32 = 8;
@@ -53,214 +54,206 @@ type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<Along, Along>>;
 pub(super) trait Canvas: DrawingBackend<ErrorType = std::io::Error> {}
 impl<B: DrawingBackend<ErrorType = std::io::Error>> Canvas for B {}
 
-impl Figure {
-    /// Width and height of the drawing in units of a [`PX`]th of a pixel.
-    pub(super) fn size(&self) -> (u32, u32) {
-        let panels = PX * self.panels.iter().map(|panel| panel.height).sum::<u32>();
-        (WIDTH, TITLE + Legend::of(self, WIDTH).height() + panels)
-    }
+/// Width and height of the drawing in units of a [`PX`]th of a pixel.
+pub(super) fn size(figure: &Figure) -> (u32, u32) {
+    let panels = PX * figure.panels.iter().map(|panel| panel.height).sum::<u32>();
+    (WIDTH, TITLE + Legend::of(figure, WIDTH).height() + panels)
+}
 
-    /// Draws the figure on a canvas of its size.
-    pub(super) fn draw(&self, canvas: impl Canvas) -> Result<(), FigureError> {
-        let extents = self.panels.iter().enumerate().map(|(index, panel)| {
-            panel.extent().ok_or_else(|| FigureError::Empty { name: self.name.clone(), panel: index + 1 })
+/// Draws the figure on a canvas of its size.
+pub(super) fn draw(figure: &Figure, canvas: impl Canvas) -> Result<(), FigureError> {
+    let extents = Extent::of_all(figure)?;
+    draw_on(figure, &canvas.into_drawing_area(), &extents).map_err(|error| FigureError::drawing(figure, error))
+}
+
+fn draw_on<B: Canvas>(figure: &Figure, root: &Area<B>, extents: &[Extent]) -> Drawing<()> {
+    let legend = Legend::of(figure, WIDTH);
+    root.fill(&WHITE)?;
+    let style = ("sans-serif", TITLE_FONT).into_text_style(root).pos(Pos::new(HPos::Center, VPos::Center));
+    root.draw(&Text::new(figure.title.clone(), (WIDTH as i32 / 2, TITLE as i32 / 2), style))?;
+    legend.draw(root, TITLE as i32)?;
+    let (_, mut rest) = root.split_vertically(TITLE + legend.height());
+    for (panel, extent) in figure.panels.iter().zip(extents) {
+        let (area, below) = rest.split_vertically(PX * panel.height);
+        draw_panel(panel, &area, extent)?;
+        rest = below;
+    }
+    Ok(root.present()?)
+}
+
+fn draw_panel<B: Canvas>(panel: &Panel, area: &Area<B>, extent: &Extent) -> Drawing<()> {
+    let left = match &panel.y.scale {
+        Scale::Names(names) => {
+            let longest = names.iter().map(|name| text_width(name)).max().unwrap_or(0);
+            (longest + 24 * PX + label_room(&panel.y)).clamp(LEFT, MOST_NAMES)
+        }
+        _ => LEFT,
+    };
+    let right = match (&panel.map, &panel.y.beside) {
+        (Some(_), _) => SCALE,
+        (None, Some(_)) => RIGHT,
+        (None, None) => 26 * PX,
+    };
+    let above = if panel.x.beside.is_some() { ABOVE } else { 0 };
+    let x = Along::new(&panel.x, extent.x, 10, false);
+    let y = Along::new(&panel.y, extent.y, (panel.height / 50) as usize, matches!(panel.y.scale, Scale::Names(_)));
+    let mut builder = ChartBuilder::on(area);
+    builder
+        .margin_left(8 * PX)
+        .margin_right(right)
+        .margin_bottom(4 * PX)
+        .x_label_area_size(BELOW)
+        .y_label_area_size(left);
+    let caption = if panel.title.is_empty() { 0 } else { CAPTION };
+    builder.margin_top(6 * PX + above + caption);
+    let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
+    let mut mesh = chart.configure_mesh();
+    mesh.max_light_lines(0)
+        .set_all_tick_mark_size(TICK)
+        .axis_style(BLACK.stroke_width(THIN))
+        .bold_line_style(BLACK.mix(0.13).stroke_width(THIN))
+        .axis_desc_style(("sans-serif", FONT))
+        .label_style(("sans-serif", SMALL_FONT))
+        .x_desc(panel.x.title())
+        .y_desc(panel.y.title());
+    let (x_name, y_name) = (|value: &f64| x.name(*value), |value: &f64| y.name(*value));
+    mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
+    if panel.map.is_some() {
+        mesh.disable_mesh();
+    } else if matches!(panel.y.scale, Scale::Names(_)) {
+        mesh.disable_y_mesh();
+    }
+    mesh.draw()?;
+    if let Some(map) = &panel.map {
+        let cells = map.cells.iter().map(|cell| {
+            let corners = [(cell.x.0, cell.row as f64 - 0.47), (cell.x.1, cell.row as f64 + 0.47)];
+            Rectangle::new(corners, rgb(map.color(cell.value)).filled())
         });
-        let extents = extents.collect::<Result<Vec<Extent>, _>>()?;
-        self.draw_on(&canvas.into_drawing_area(), &extents).map_err(|error| self.failed(error))
+        chart.draw_series(cells)?;
+        draw_scale(map, area)?;
     }
-
-    /// Why there is no picture, in the words of a library.
-    pub(super) fn failed(&self, reason: impl ToString) -> FigureError {
-        FigureError::Drawing { name: self.name.clone(), reason: reason.to_string() }
+    for series in &panel.series {
+        draw_series(series, panel, extent, &mut chart, area)?;
     }
-
-    fn draw_on<B: Canvas>(&self, root: &Area<B>, extents: &[Extent]) -> Drawing<()> {
-        let legend = Legend::of(self, WIDTH);
-        root.fill(&WHITE)?;
-        let style = ("sans-serif", TITLE_FONT).into_text_style(root).pos(Pos::new(HPos::Center, VPos::Center));
-        root.draw(&Text::new(self.title.clone(), (WIDTH as i32 / 2, TITLE as i32 / 2), style))?;
-        legend.draw(root, TITLE as i32)?;
-        let (_, mut rest) = root.split_vertically(TITLE + legend.height());
-        for (panel, extent) in self.panels.iter().zip(extents) {
-            let (area, below) = rest.split_vertically(PX * panel.height);
-            panel.draw(&area, extent)?;
-            rest = below;
-        }
-        Ok(root.present()?)
+    if caption > 0 {
+        let style = ("sans-serif", FONT + 2 * PX).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
+        let middle = (left as i32 + area.dim_in_pixel().0 as i32 - right as i32) / 2;
+        area.draw(&Text::new(panel.title.clone(), (middle, CAPTION as i32 / 2), style))?;
     }
+    draw_above(panel, extent, &chart, area)?;
+    draw_right(panel, extent, &chart, area)
 }
 
-impl Panel {
-    fn draw<B: Canvas>(&self, area: &Area<B>, extent: &Extent) -> Drawing<()> {
-        let left = match &self.y.scale {
-            Scale::Names(names) => {
-                let longest = names.iter().map(|name| text_width(name)).max().unwrap_or(0);
-                (longest + 24 * PX + label_room(&self.y)).clamp(LEFT, MOST_NAMES)
-            }
-            _ => LEFT,
-        };
-        let right = match (&self.map, &self.y.beside) {
-            (Some(_), _) => SCALE,
-            (None, Some(_)) => RIGHT,
-            (None, None) => 26 * PX,
-        };
-        let above = if self.x.beside.is_some() { ABOVE } else { 0 };
-        let x = Along::new(&self.x, extent.x, 10, false);
-        let y = Along::new(&self.y, extent.y, (self.height / 50) as usize, matches!(self.y.scale, Scale::Names(_)));
-        let mut builder = ChartBuilder::on(area);
-        builder
-            .margin_left(8 * PX)
-            .margin_right(right)
-            .margin_bottom(4 * PX)
-            .x_label_area_size(BELOW)
-            .y_label_area_size(left);
-        let caption = if self.title.is_empty() { 0 } else { CAPTION };
-        builder.margin_top(6 * PX + above + caption);
-        let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
-        let mut mesh = chart.configure_mesh();
-        mesh.max_light_lines(0)
-            .set_all_tick_mark_size(TICK)
-            .axis_style(BLACK.stroke_width(THIN))
-            .bold_line_style(BLACK.mix(0.13).stroke_width(THIN))
-            .axis_desc_style(("sans-serif", FONT))
-            .label_style(("sans-serif", SMALL_FONT))
-            .x_desc(self.x.title())
-            .y_desc(self.y.title());
-        let (x_name, y_name) = (|value: &f64| x.name(*value), |value: &f64| y.name(*value));
-        mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
-        if self.map.is_some() {
-            mesh.disable_mesh();
-        } else if matches!(self.y.scale, Scale::Names(_)) {
-            mesh.disable_y_mesh();
-        }
-        mesh.draw()?;
-        if let Some(map) = &self.map {
-            let cells = map.cells.iter().map(|cell| {
-                let corners = [(cell.x.0, cell.row as f64 - 0.47), (cell.x.1, cell.row as f64 + 0.47)];
-                Rectangle::new(corners, rgb(map.color(cell.value)).filled())
-            });
-            chart.draw_series(cells)?;
-            draw_scale(map, area)?;
-        }
-        for series in &self.series {
-            series.draw(self, extent, &mut chart, area)?;
-        }
-        if caption > 0 {
-            let style = ("sans-serif", FONT + 2 * PX).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
-            let middle = (left as i32 + area.dim_in_pixel().0 as i32 - right as i32) / 2;
-            area.draw(&Text::new(self.title.clone(), (middle, CAPTION as i32 / 2), style))?;
-        }
-        self.draw_above(extent, &chart, area)?;
-        self.draw_right(extent, &chart, area)
+/// The second reading of the x axis, above the panel.
+fn draw_above<B: Canvas>(panel: &Panel, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
+    let Some(beside) = &panel.x.beside else { return Ok(()) };
+    let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
+    let (left, top) = area.get_base_pixel();
+    // Of a list the first name is at the top, so that the top is not where the values end.
+    let above = chart.plotting_area().get_pixel_range().1.start - top;
+    let place = |x: f64| (chart.backend_coord(&(x, chart.y_range().end)).0 - left, above);
+    for (value, name) in ticks(&panel.x.scale, ends, 10) {
+        let (x, y) = place(value / beside.factor);
+        area.draw(&PathElement::new(vec![(x, y), (x, y - TICK as i32)], BLACK.stroke_width(THIN)))?;
+        words(area, &name, (x, y - 13 * PX as i32), HPos::Center)?;
     }
-
-    /// The second reading of the x axis, above the panel.
-    fn draw_above<B: Canvas>(&self, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
-        let Some(beside) = &self.x.beside else { return Ok(()) };
-        let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
-        let (left, top) = area.get_base_pixel();
-        // Of a list the first name is at the top, so that the top is not where the values end.
-        let above = chart.plotting_area().get_pixel_range().1.start - top;
-        let place = |x: f64| (chart.backend_coord(&(x, chart.y_range().end)).0 - left, above);
-        for (value, name) in ticks(&self.x.scale, ends, 10) {
-            let (x, y) = place(value / beside.factor);
-            area.draw(&PathElement::new(vec![(x, y), (x, y - TICK as i32)], BLACK.stroke_width(THIN)))?;
-            words(area, &name, (x, y - 13 * PX as i32), HPos::Center)?;
-        }
-        let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
-        words(area, &beside.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
-    }
-
-    /// The second reading of the y axis, right of the panel.
-    fn draw_right<B: Canvas>(&self, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
-        let Some(beside) = &self.y.beside else { return Ok(()) };
-        let ends = (extent.y.0 * beside.factor, extent.y.1 * beside.factor);
-        let (left, top) = area.get_base_pixel();
-        let right = chart.plotting_area().get_pixel_range().0.end - left;
-        let place = |y: f64| (right, chart.backend_coord(&(chart.x_range().end, y)).1 - top);
-        for (value, name) in ticks(&self.y.scale, ends, (self.height / 50) as usize) {
-            let (x, y) = place(value / beside.factor);
-            area.draw(&PathElement::new(vec![(x, y), (x + TICK as i32, y)], BLACK.stroke_width(THIN)))?;
-            words(area, &name, (x + 8 * PX as i32, y), HPos::Left)?;
-        }
-        let ((x, from), (_, to)) = (place(extent.y.0), place(extent.y.1));
-        let style = ("sans-serif", SMALL_FONT).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
-        let upright = style.transform(FontTransform::Rotate90);
-        Ok(area.draw(&Text::new(beside.title(), (x + 66 * PX as i32, (from + to) / 2), upright))?)
-    }
+    let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
+    words(area, &beside.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
 }
 
-impl Series {
-    fn draw<B: Canvas>(&self, panel: &Panel, extent: &Extent, chart: &mut Chart<B>, area: &Area<B>) -> Drawing<()> {
-        let color = rgb(self.color.rgb());
-        let inside = |(x, y): (f64, f64)| (x.clamp(extent.x.0, extent.x.1), y.clamp(extent.y.0, extent.y.1));
-        if !self.band.is_empty() {
-            let drawn = || self.points.iter().zip(&self.band).filter(|(point, _)| panel.is_drawn(point));
-            let end = |value: f64, instead: f64| if panel.y.has(value) { value } else { instead };
-            let low = drawn().map(|(point, band)| inside((point.0, end(band.0, extent.y.0))));
-            let high = drawn().rev().map(|(point, band)| inside((point.0, end(band.1, extent.y.1))));
-            chart.draw_series([Polygon::new(low.chain(high).collect::<Vec<_>>(), color.mix(BAND))])?;
-        }
-        // A line breaks where a point is missing.
-        let runs: Vec<Vec<(f64, f64)>> = self
-            .points
-            .split(|point| !panel.is_drawn(point))
-            .map(|run| run.iter().map(|point| inside(*point)).collect())
-            .collect();
-        let points = || runs.iter().flatten().copied();
-        let near = |point: (f64, f64), (dx, dy): (i32, i32)| {
-            let (x, y) = chart.backend_coord(&point);
-            (x + dx, y + dy)
-        };
-        match self.mark {
-            Mark::Line => {
-                for run in runs {
-                    chart.draw_series([PathElement::new(run, color.stroke_width(THICK))])?;
-                }
-            }
-            Mark::Dashes => {
-                for run in runs {
-                    chart.draw_series(DashedLineSeries::new(run, 7 * PX, 5 * PX, color.stroke_width(THICK)))?;
-                }
-            }
-            Mark::Dots => {
-                chart.draw_series(points().map(|point| Circle::new(point, 2 * PX, pale(color).filled())))?;
-            }
-            Mark::Discs => {
-                chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.filled())))?;
-            }
-            Mark::Crosses => {
-                chart.draw_series(points().map(|point| Cross::new(point, 5 * PX, color.stroke_width(THICK))))?;
-            }
-            Mark::Rings => {
-                // Around a disc at the same place both are seen.
-                chart.draw_series(points().map(|point| Circle::new(point, 7 * PX, color.stroke_width(THICK))))?;
-            }
-            Mark::Ticks => {
-                let ends = points()
-                    .map(|point| [near(point, (0, -9 * PX as i32)), near(point, (0, 9 * PX as i32))])
-                    .collect::<Vec<_>>();
-                for ends in ends {
-                    // The backend counts from the corner of the whole picture, an area from its own.
-                    let (left, top) = area.get_base_pixel();
-                    let own = ends.map(|(x, y)| (x - left, y - top)).to_vec();
-                    area.draw(&PathElement::new(own, color.stroke_width(3 * PX)))?;
-                }
-            }
-            Mark::Bars => {
-                let bar = |(x, y): (f64, f64)| [(extent.x.0, y - 0.32), (x, y + 0.32)];
-                chart.draw_series(points().map(|point| Rectangle::new(bar(point), color.filled())))?;
+/// The second reading of the y axis, right of the panel.
+fn draw_right<B: Canvas>(panel: &Panel, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
+    let Some(beside) = &panel.y.beside else { return Ok(()) };
+    let ends = (extent.y.0 * beside.factor, extent.y.1 * beside.factor);
+    let (left, top) = area.get_base_pixel();
+    let right = chart.plotting_area().get_pixel_range().0.end - left;
+    let place = |y: f64| (right, chart.backend_coord(&(chart.x_range().end, y)).1 - top);
+    for (value, name) in ticks(&panel.y.scale, ends, (panel.height / 50) as usize) {
+        let (x, y) = place(value / beside.factor);
+        area.draw(&PathElement::new(vec![(x, y), (x + TICK as i32, y)], BLACK.stroke_width(THIN)))?;
+        words(area, &name, (x + 8 * PX as i32, y), HPos::Left)?;
+    }
+    let ((x, from), (_, to)) = (place(extent.y.0), place(extent.y.1));
+    let style = ("sans-serif", SMALL_FONT).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
+    let upright = style.transform(FontTransform::Rotate90);
+    Ok(area.draw(&Text::new(beside.title(), (x + 66 * PX as i32, (from + to) / 2), upright))?)
+}
+
+fn draw_series<B: Canvas>(
+    series: &Series,
+    panel: &Panel,
+    extent: &Extent,
+    chart: &mut Chart<B>,
+    area: &Area<B>,
+) -> Drawing<()> {
+    let color = rgb(series.color.rgb());
+    let inside = |(x, y): (f64, f64)| (x.clamp(extent.x.0, extent.x.1), y.clamp(extent.y.0, extent.y.1));
+    if !series.band.is_empty() {
+        let drawn = || series.points.iter().zip(&series.band).filter(|(point, _)| is_drawn(panel, point));
+        let end = |value: f64, instead: f64| if has(&panel.y, value) { value } else { instead };
+        let low = drawn().map(|(point, band)| inside((point.0, end(band.0, extent.y.0))));
+        let high = drawn().rev().map(|(point, band)| inside((point.0, end(band.1, extent.y.1))));
+        chart.draw_series([Polygon::new(low.chain(high).collect::<Vec<_>>(), color.mix(BAND))])?;
+    }
+    // A line breaks where a point is missing.
+    let runs: Vec<Vec<(f64, f64)>> = series
+        .points
+        .split(|point| !is_drawn(panel, point))
+        .map(|run| run.iter().map(|point| inside(*point)).collect())
+        .collect();
+    let points = || runs.iter().flatten().copied();
+    let near = |point: (f64, f64), (dx, dy): (i32, i32)| {
+        let (x, y) = chart.backend_coord(&point);
+        (x + dx, y + dy)
+    };
+    match series.mark {
+        Mark::Line => {
+            for run in runs {
+                chart.draw_series([PathElement::new(run, color.stroke_width(THICK))])?;
             }
         }
-        if self.mark == Mark::Bars {
-            for (point, note) in self.points.iter().zip(&self.notes).filter(|(point, _)| panel.is_drawn(point)) {
-                let (x, y) = chart.backend_coord(&inside(*point));
+        Mark::Dashes => {
+            for run in runs {
+                chart.draw_series(DashedLineSeries::new(run, 7 * PX, 5 * PX, color.stroke_width(THICK)))?;
+            }
+        }
+        Mark::Dots => {
+            chart.draw_series(points().map(|point| Circle::new(point, 2 * PX, pale(color).filled())))?;
+        }
+        Mark::Discs => {
+            chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.filled())))?;
+        }
+        Mark::Crosses => {
+            chart.draw_series(points().map(|point| Cross::new(point, 5 * PX, color.stroke_width(THICK))))?;
+        }
+        Mark::Rings => {
+            // Around a disc at the same place both are seen.
+            chart.draw_series(points().map(|point| Circle::new(point, 7 * PX, color.stroke_width(THICK))))?;
+        }
+        Mark::Ticks => {
+            let ends = points()
+                .map(|point| [near(point, (0, -9 * PX as i32)), near(point, (0, 9 * PX as i32))])
+                .collect::<Vec<_>>();
+            for ends in ends {
+                // The backend counts from the corner of the whole picture, an area from its own.
                 let (left, top) = area.get_base_pixel();
-                words(area, note, (x - left + 6 * PX as i32, y - top), HPos::Left)?;
+                let own = ends.map(|(x, y)| (x - left, y - top)).to_vec();
+                area.draw(&PathElement::new(own, color.stroke_width(3 * PX)))?;
             }
         }
-        Ok(())
+        Mark::Bars => {
+            let bar = |(x, y): (f64, f64)| [(extent.x.0, y - 0.32), (x, y + 0.32)];
+            chart.draw_series(points().map(|point| Rectangle::new(bar(point), color.filled())))?;
+        }
     }
+    if series.mark == Mark::Bars {
+        for (point, note) in series.points.iter().zip(&series.notes).filter(|(point, _)| is_drawn(panel, point)) {
+            let (x, y) = chart.backend_coord(&inside(*point));
+            let (left, top) = area.get_base_pixel();
+            words(area, note, (x - left + 6 * PX as i32, y - top), HPos::Left)?;
+        }
+    }
+    Ok(())
 }
 
 /// The scale of a map, at the right.

@@ -1,6 +1,7 @@
 //! Why there is no picture.
 
 use miette::Diagnostic;
+use rotorlead_answer::Figure;
 use thiserror::Error;
 
 /// Why there is no picture.
@@ -23,4 +24,11 @@ pub enum FigureError {
         /// In the library's words.
         reason: String,
     },
+}
+
+impl FigureError {
+    /// Why there is no picture, in the words of a library.
+    pub(super) fn drawing(figure: &Figure, reason: impl ToString) -> Self {
+        Self::Drawing { name: figure.name.clone(), reason: reason.to_string() }
+    }
 }

@@ -6,38 +6,37 @@ use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{
     BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind, FontTransform,
 };
+use rotorlead_answer::Figure;
 use tiny_skia::{FillRule, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform};
 use ttf_parser::{Face, OutlineBuilder};
 
-use super::drawing::PX;
-use super::{Figure, FigureError};
+use super::FigureError;
+use super::drawing::{PX, draw, size};
 
 /// Pixels of the bitmap per pixel of the SVG: sharp on dense screens and in print.
 const SCALE: u32 = 2;
 
-impl Figure {
-    /// The picture as PNG, twice as large as the SVG.
-    ///
-    /// # Errors
-    /// When nothing can be drawn.
-    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
-        let (width, height) = self.size();
-        let pixels = Pixmap::new(width * SCALE / PX, height * SCALE / PX);
-        let mut pixels = pixels.ok_or_else(|| self.failed("it is too large"))?;
-        // Noto Sans, under the SIL Open Font License 1.1.
-        let font = Face::parse(notosans::REGULAR_TTF, 0).map_err(|error| self.failed(error))?;
-        self.draw(Bitmap { pixels: &mut pixels, size: (width, height), font })?;
-        // White is drawn first, so that nothing shines through.
-        let opaque: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
-        let mut png = Vec::new();
-        let mut encoder = png::Encoder::new(&mut png, pixels.width(), pixels.height());
-        encoder.set_color(png::ColorType::Rgb);
-        // Twice the size of the best, in a small part of its time.
-        encoder.set_compression(png::Compression::Fast);
-        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&opaque));
-        written.map_err(|error| self.failed(error))?;
-        Ok(png)
-    }
+/// The picture as PNG, twice as large as the SVG.
+///
+/// # Errors
+/// When nothing can be drawn.
+pub fn png(figure: &Figure) -> Result<Vec<u8>, FigureError> {
+    let (width, height) = size(figure);
+    let pixels = Pixmap::new(width * SCALE / PX, height * SCALE / PX);
+    let mut pixels = pixels.ok_or_else(|| FigureError::drawing(figure, "it is too large"))?;
+    // Noto Sans, under the SIL Open Font License 1.1.
+    let font = Face::parse(notosans::REGULAR_TTF, 0).map_err(|error| FigureError::drawing(figure, error))?;
+    draw(figure, Bitmap { pixels: &mut pixels, size: (width, height), font })?;
+    // White is drawn first, so that nothing shines through.
+    let opaque: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, pixels.width(), pixels.height());
+    encoder.set_color(png::ColorType::Rgb);
+    // Twice the size of the best, in a small part of its time.
+    encoder.set_compression(png::Compression::Fast);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&opaque));
+    written.map_err(|error| FigureError::drawing(figure, error))?;
+    Ok(png)
 }
 
 /// A canvas of pixels, with the outlines of letters.

@@ -2,19 +2,19 @@
 
 use std::fmt::Write as _;
 
-use super::{Figure, FigureError};
+use rotorlead_answer::Figure;
+
+use super::{FigureError, svg};
 
 /// How far a curve may be from its points, units of the drawing: a quarter of a pixel.
 const TOLERANCE: f64 = 2.0;
 
-impl Figure {
-    /// The SVG with neighbors of one look in one path, and curves without points that nobody sees.
-    ///
-    /// # Errors
-    /// When nothing can be drawn.
-    pub(crate) fn still(&self) -> Result<String, FigureError> {
-        Ok(shortened(&self.svg()?))
-    }
+/// The SVG with neighbors of one look in one path, and curves without points that nobody sees.
+///
+/// # Errors
+/// When nothing can be drawn.
+pub(crate) fn still(figure: &Figure) -> Result<String, FigureError> {
+    Ok(shortened(&svg(figure)?))
 }
 
 fn shortened(svg: &str) -> String {
@@ -104,8 +104,9 @@ fn simplify(points: &[(i32, i32)], kept: &mut Vec<(i32, i32)>) {
 
 #[cfg(test)]
 mod tests {
+    use rotorlead_answer::{Axis, Color, FigureKind, Mark, Panel, Series};
+
     use super::*;
-    use crate::figure::{Axis, Color, FigureKind, Mark, Panel, Series};
 
     #[test]
     fn a_picture_keeps_what_is_seen_in_a_fraction_of_its_length() {
@@ -116,7 +117,7 @@ mod tests {
         let series = [series.to_vec(), vec![dots]].concat();
         let panel = Panel::new(Axis::linear("x", "s"), Axis::linear("y", "m"), series);
         let figure = Figure::new(FigureKind::Record, "Words", "", vec![panel]);
-        let (svg, still) = (figure.svg().unwrap(), figure.still().unwrap());
+        let (svg, still) = (svg(&figure).unwrap(), still(&figure).unwrap());
         assert!(still.len() * 5 < svg.len(), "{} of {}", still.len(), svg.len());
         // Had the drawing library another form of its own, it would still be there.
         for element in ["<circle", "<line", "<polyline", "<polygon"] {

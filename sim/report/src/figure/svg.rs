@@ -1,30 +1,31 @@
 //! A figure as SVG.
 
 use plotters::prelude::SVGBackend;
-use rotorlead_records::files::printable;
+use rotorlead_answer::Figure;
+use rotorlead_answer::escape::printable;
 
-use super::drawing::PX;
-use super::{Figure, FigureError};
+use super::FigureError;
+use super::drawing::{PX, draw, size};
 
-impl Figure {
-    /// The picture as SVG text, 900 pixels wide.
-    ///
-    /// # Errors
-    /// When nothing can be drawn.
-    pub fn svg(&self) -> Result<String, FigureError> {
-        let (width, height) = self.size();
-        let mut svg = String::new();
-        self.draw(SVGBackend::with_string(&mut svg, (width, height)))?;
-        let size = |width: u32, height: u32| format!("<svg width=\"{width}\" height=\"{height}\"");
-        // What XML does not allow; markup is escaped by what draws.
-        Ok(printable(&svg).replacen(&size(width, height), &size(width / PX, height / PX), 1))
-    }
+/// The picture as SVG text, 900 pixels wide.
+///
+/// # Errors
+/// When nothing can be drawn.
+pub fn svg(figure: &Figure) -> Result<String, FigureError> {
+    let (width, height) = size(figure);
+    let mut svg = String::new();
+    draw(figure, SVGBackend::with_string(&mut svg, (width, height)))?;
+    let size = |width: u32, height: u32| format!("<svg width=\"{width}\" height=\"{height}\"");
+    // What XML does not allow; markup is escaped by what draws.
+    Ok(printable(&svg).replacen(&size(width, height), &size(width / PX, height / PX), 1))
 }
 
 #[cfg(test)]
 mod tests {
+    use rotorlead_answer::{Axis, Color, FigureKind, Mark, Panel, Series};
+
     use super::*;
-    use crate::figure::{Axis, Color, FigureKind, Mark, Panel, Series};
+    use crate::figure::png;
 
     fn lag(name: &str, mark: Mark) -> Series {
         let points =
@@ -39,7 +40,7 @@ mod tests {
 
     #[test]
     fn a_picture_holds_its_words_and_a_dot_for_each_point() {
-        let svg = figure(vec![lag("a model", Mark::Line), lag("a measurement", Mark::Dots)]).svg().unwrap();
+        let svg = svg(&figure(vec![lag("a model", Mark::Line), lag("a measurement", Mark::Dots)])).unwrap();
         for text in
             ["A lag", "a model", "a measurement", "magnitude, dB", "frequency, rad/s", "frequency, Hz", "</svg>"]
         {
@@ -50,14 +51,14 @@ mod tests {
 
     #[test]
     fn nothing_to_draw_is_an_error_and_not_a_picture() {
-        assert!(matches!(figure(vec![]).svg(), Err(FigureError::Empty { panel: 1, .. })));
+        assert!(matches!(svg(&figure(vec![])), Err(FigureError::Empty { panel: 1, .. })));
         let bad = Series { points: vec![(0.0, 1.0), (1.0, f64::NAN)], ..lag("", Mark::Line) };
-        assert!(matches!(figure(vec![bad]).svg(), Err(FigureError::Empty { .. })));
+        assert!(matches!(svg(&figure(vec![bad])), Err(FigureError::Empty { .. })));
     }
 
     #[test]
     fn a_bitmap_is_twice_as_wide_and_not_empty() {
-        let png = figure(vec![lag("a model", Mark::Line)]).png().unwrap();
+        let png = png(&figure(vec![lag("a model", Mark::Line)])).unwrap();
         assert_eq!(&png[1..4], b"PNG");
         assert_eq!(u32::from_be_bytes([png[16], png[17], png[18], png[19]]), 2 * 900);
         // Words are drawn: without its font the picture is some kilobytes smaller.

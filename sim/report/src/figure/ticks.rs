@@ -1,6 +1,6 @@
 //! The values that are named along an axis.
 
-use super::Scale;
+use rotorlead_answer::Scale;
 
 /// Values and their names, of which there are about as many as `count`.
 pub(super) fn ticks(scale: &Scale, (low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {

@@ -1,6 +1,6 @@
 //! What a series looks like, in small, as the content of an SVG element of 24 by 14.
 
-use crate::figure::{Mark, Series};
+use rotorlead_answer::{Mark, Series};
 
 /// The small picture in a button of the legend.
 pub(super) fn swatch(series: &Series) -> String {

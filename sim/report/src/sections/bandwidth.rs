@@ -1,11 +1,11 @@
 //! Bandwidths, predicted and measured.
 
+use rotorlead_answer::Section;
 use rotorlead_identify::MeasuredBandwidth;
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase};
 
 use crate::bandwidths::{bandwidth_table, measured_table};
 use crate::compensation::bandwidths;
-use crate::html::Section;
 
 /// The bandwidth at each nominal command with the `phases` of the whole chain, where they are known, and those that records
 /// show.

@@ -1,9 +1,9 @@
 //! What a diagnosis of a table of bandwidths found.
 
+use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_diagnose::bandwidth_table::{BandwidthDiagnosis, Column as Of, Explanation, Scope};
 
 use crate::bandwidth_diagnosis::bandwidth_diagnosis_figures;
-use crate::html::{Cell, Column, Section, Table};
 
 /// Ratios, explanations, and what rules the others out.
 #[must_use]

@@ -1,5 +1,6 @@
 //! What a diagnosis found.
 
+use rotorlead_answer::{Cell, Column, Section, Table, Tone};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
@@ -9,7 +10,6 @@ use rotorlead_plant::effect::{Kind, Parameter};
 
 use super::estimate;
 use crate::diagnosis::diagnosis_figures;
-use crate::html::{Cell, Column, Section, Table, Tone};
 use crate::number::parameter_with_std;
 use crate::unit::unit;
 

@@ -1,10 +1,9 @@
 //! What was recorded, or simulated.
 
+use rotorlead_answer::{Axis, Cell, Color, Column, Fact, Figure, FigureKind, Mark, Panel, Section, Series, Table};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use crate::excitation::{crest_factor, excitation_of};
-use crate::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use crate::html::{Cell, Column, Fact, Section, Table};
 use crate::unit::quantity;
 
 /// Pieces of which a curve is drawn.

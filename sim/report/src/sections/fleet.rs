@@ -1,9 +1,9 @@
 //! Many logs side by side.
 
+use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_identify::fleet::{Comparison, MotorDeviation, share};
 use rotorlead_records::Output;
 
-use crate::html::{Cell, Column, Section, Table};
 use crate::unit::unit;
 
 /// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.

@@ -1,5 +1,6 @@
 //! The lags that were identified.
 
+use rotorlead_answer::{Cell, Column, Figure, Section, Table};
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit, Step};
 use rotorlead_identify::{Estimate, Identification, Lags, power_over_noise};
@@ -9,8 +10,6 @@ use rotorlead_records::{Experiment, Output};
 use super::estimate;
 use crate::distortion::distortion_table;
 use crate::etfe::responses;
-use crate::figure::Figure;
-use crate::html::{Cell, Column, Section, Table};
 use crate::static_map::static_map;
 use crate::steps::{steps, time_constant_curve};
 use crate::unit::unit;

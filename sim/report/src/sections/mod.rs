@@ -27,8 +27,9 @@ pub use stand::{stand_section, stand_table};
 pub use validation::validation_section;
 pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};
 
-use super::html::Cell;
-use super::number::with_std;
+use rotorlead_answer::Cell;
+
+use crate::number::with_std;
 
 /// A value with its standard error, both times `scale`.
 fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {

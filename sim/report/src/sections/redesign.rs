@@ -1,11 +1,12 @@
 //! A compensator that was designed again, for the model with what was missing in it.
 
+use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_identify::design::redesign::{Compensated, Limit, Redesign, RedesignPoint};
 use rotorlead_plant::Model;
 
 use super::design_section;
+use crate::bandwidths::bandwidth_cell;
 use crate::compensation::redesigned;
-use crate::html::{Cell, Column, Section, Table};
 
 /// What a lead does with the effects present, and the lead itself where it is to be used. `model` is what it was designed for,
 /// `amplitude` that of the sinusoids, duty; `text` says whether it is refused and why, and what is to be known beside the numbers.
@@ -33,11 +34,11 @@ pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
     let row = |RedesignPoint { small, chain, at_least, .. }: &RedesignPoint| {
         vec![
             Cell::number(small.nominal, 3),
-            Cell::bandwidth(small.uncompensated, 4),
-            Cell::bandwidth(small.compensated, 4),
-            Cell::bandwidth(chain.magnitude, 1),
-            at_least.map_or_else(|| Cell::optional(None, 1), |at_least| Cell::bandwidth(at_least, 1)),
-            Cell::bandwidth(chain.phase, 1),
+            bandwidth_cell(small.uncompensated, 4),
+            bandwidth_cell(small.compensated, 4),
+            bandwidth_cell(chain.magnitude, 1),
+            at_least.map_or_else(|| Cell::optional(None, 1), |at_least| bandwidth_cell(at_least, 1)),
+            bandwidth_cell(chain.phase, 1),
         ]
     };
     Table {

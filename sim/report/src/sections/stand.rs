@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_identify::stand::StandIdentification;
 use rotorlead_identify::times_noise;
 
 use super::estimate;
-use crate::html::{Cell, Column, Section, Table};
 use crate::stand::stand_figures;
 
 /// Its poles and zeros, and its frequency response.

@@ -1,9 +1,9 @@
 //! How well a model explains records.
 
+use rotorlead_answer::Section;
 use rotorlead_identify::RecordValidation;
 use rotorlead_records::Output;
 
-use crate::html::Section;
 use crate::validation::{figures_of, validation_by_nominal, validation_scores, verdict};
 
 /// The scores, and the figures of every record.

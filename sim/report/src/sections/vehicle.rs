@@ -1,8 +1,8 @@
 //! Actuators compared in a vehicle.
 
+use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_vehicle::{Airframe, AtLatency, ForceRow, Row, Study, TuningRule, findings};
 
-use crate::html::{Cell, Column, Section, Table};
 use crate::vehicle::vehicle_figures;
 
 /// The findings, the tables of each latency, and the figures.

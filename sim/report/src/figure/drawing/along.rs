@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged};
+use rotorlead_answer::{Axis, Scale};
 
 use super::super::ticks::ticks;
-use super::super::{Axis, Scale};
 
 /// An axis with its ends and the values that are named.
 #[derive(Clone)]

@@ -2,8 +2,9 @@
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
+use rotorlead_answer::{Figure, Mark, Series};
 
-use super::{Area, BAND, Canvas, Drawing, Figure, Mark, PX, Series, THICK, pale, rgb, text_width, words};
+use super::{Area, BAND, Canvas, Drawing, PX, THICK, pale, rgb, text_width, words};
 
 const ONE: i32 = PX as i32;
 const ROW: u32 = 22 * PX;

@@ -1,4 +1,7 @@
-//! The HTML itself: a template, filled in. Whatever comes from data is escaped, by it or by `words`.
+//! A report as one HTML file that needs no network: a template, filled in. Whatever comes from data is escaped, by it or by
+//! `words`.
+
+mod swatch;
 
 use std::io::Write as _;
 
@@ -6,17 +9,19 @@ use askama::Template;
 use base64::Engine as _;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
+use rotorlead_answer::{Fact, Figure, Panel, Report, Section, Table, Tone, Verdict};
 use serde_json::Value;
 
-use super::swatch::swatch;
-use super::{Fact, Report, Section, Table, Verdict};
-use crate::escape::markup;
-use crate::figure::interactive::{LIBRARY, LICENSE};
-use crate::figure::{Figure, FigureError, Panel};
+use swatch::swatch;
+
+use crate::figure::FigureError;
+use crate::figure::interactive::{LIBRARY, LICENSE, plots};
+use crate::figure::still::still;
+use crate::markup::markup;
 
 /// How the page looks, and what it does.
-const STYLE: &str = include_str!("../../templates/report.css");
-const SCRIPT: &str = include_str!("../../templates/report.js");
+const STYLE: &str = include_str!("../templates/report.css");
+const SCRIPT: &str = include_str!("../templates/report.js");
 
 /// What stands over the commands.
 const AGAIN: &str = "In the folder where this was run, with the same version. The same input gives the same file.";
@@ -73,7 +78,7 @@ struct Entry<'a> {
 
 impl<'a> DrawnFigure<'a> {
     fn new(figure: &'a Figure) -> Result<Self, FigureError> {
-        Ok(Self { figure, still: figure.still()? })
+        Ok(Self { figure, still: still(figure)? })
     }
 
     fn name(&self) -> &str {
@@ -133,35 +138,43 @@ fn packed(json: &Value) -> String {
     base64::prelude::BASE64_STANDARD.encode(deflate.finish().expect("memory takes all"))
 }
 
-impl Report {
-    /// The whole file.
-    ///
-    /// # Errors
-    /// When a figure cannot be drawn.
-    pub fn html(&self) -> Result<String, FigureError> {
-        let sections = self.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
-        let figures = || self.sections.iter().flat_map(|section| &section.figures);
-        let plots = figures().map(Figure::plots).collect::<Result<Vec<_>, _>>()?.concat();
-        let page = Page {
-            report: Drawn {
-                kind: &self.kind,
-                title: &self.title,
-                verdict: &self.verdict,
-                facts: &self.facts,
-                warnings: &self.warnings,
-                sections,
-                commands: &self.commands,
-            },
-            version: env!("CARGO_PKG_VERSION"),
-            style: STYLE,
-            script: SCRIPT,
-            again: AGAIN,
-            license: LICENSE,
-            library: LIBRARY,
-            plots: if plots.is_empty() { String::new() } else { packed(&Value::from(plots)) },
-        };
-        page.render().map_err(|error| FigureError::Drawing { name: self.title.clone(), reason: error.to_string() })
+/// The class that colors what is said in this tone.
+fn class(tone: &Tone) -> &'static str {
+    match tone {
+        Tone::Plain => "plain",
+        Tone::Good => "good",
+        Tone::Attention => "warn",
+        Tone::Bad => "bad",
     }
+}
+
+/// The whole file.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn html(report: &Report) -> Result<String, FigureError> {
+    let sections = report.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
+    let figures = || report.sections.iter().flat_map(|section| &section.figures);
+    let plots = figures().map(plots).collect::<Result<Vec<_>, _>>()?.concat();
+    let page = Page {
+        report: Drawn {
+            kind: &report.kind,
+            title: &report.title,
+            verdict: &report.verdict,
+            facts: &report.facts,
+            warnings: &report.warnings,
+            sections,
+            commands: &report.commands,
+        },
+        version: env!("CARGO_PKG_VERSION"),
+        style: STYLE,
+        script: SCRIPT,
+        again: AGAIN,
+        license: LICENSE,
+        library: LIBRARY,
+        plots: if plots.is_empty() { String::new() } else { packed(&Value::from(plots)) },
+    };
+    page.render().map_err(|error| FigureError::Drawing { name: report.title.clone(), reason: error.to_string() })
 }
 
 #[cfg(test)]

@@ -1,11 +1,7 @@
-//! A report of a run: words, tables and figures, written as one HTML file that needs no network.
-
-mod page;
-mod swatch;
-
-pub use super::table::{Cell, Column, Table};
+//! A report of a run: words, tables and figures.
 
 use super::figure::Figure;
+use super::table::Table;
 
 /// All that a report says.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,17 +97,5 @@ impl Section {
     #[must_use]
     pub fn new(name: &str, title: &str) -> Self {
         Self { name: name.to_owned(), title: title.to_owned(), ..Self::default() }
-    }
-}
-
-impl Tone {
-    /// The class that colors it.
-    fn class(self) -> &'static str {
-        match self {
-            Self::Plain => "plain",
-            Self::Good => "good",
-            Self::Attention => "warn",
-            Self::Bad => "bad",
-        }
     }
 }

@@ -1,20 +1,10 @@
-//! One figure in numbers and words, from which every way of showing it starts: [`svg`](Figure::svg), [`png`](Figure::png),
-//! [`csv`](Figure::csv), and the interactive form in a report ([`interactive`]).
+//! One figure in numbers and words, from which every way of showing it starts: [`csv`](Figure::csv), and each kind of picture.
 
 mod csv;
-mod drawing;
-mod error;
-mod extent;
-pub(super) mod interactive;
 mod kind;
-mod png;
-mod still;
-mod svg;
-mod ticks;
 
 use std::f64::consts::TAU;
 
-pub use error::FigureError;
 pub use kind::FigureKind;
 
 /// Panels above each other under one title.
@@ -155,12 +145,12 @@ pub struct HeatMap {
     /// Values of the lightest and the darkest color; between them the color follows the logarithm.
     pub range: (f64, f64),
     /// The rectangles.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<HeatCell>,
 }
 
-/// One rectangle.
+/// One rectangle of a [`HeatMap`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
+pub struct HeatCell {
     /// From where to where along x.
     pub x: (f64, f64),
     /// Which name along y.
@@ -243,9 +233,6 @@ impl Beside {
 fn title(label: &str, unit: &str) -> String {
     if unit.is_empty() { label.to_owned() } else { format!("{label}, {unit}") }
 }
-
-/// How much of their color dots have: what was measured is paler than the line that is held against it.
-const PALE: f64 = 0.6;
 
 impl Series {
     /// A series without band and notes.

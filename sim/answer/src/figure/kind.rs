@@ -1,6 +1,6 @@
 //! What is drawn at all.
 
-/// Every figure that this crate draws is of one of these kinds. `docs/figures.md` says of each how to read it, and a test
+/// Every figure is of one of these kinds. `docs/figures.md` says of each how to read it, and a test
 /// asks it for every one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FigureKind {

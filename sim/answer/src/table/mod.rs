@@ -56,7 +56,8 @@ impl Column {
     }
 
     /// Heading and unit, for where they stand beside each cell.
-    pub(crate) fn full(&self) -> String {
+    #[must_use]
+    pub fn full(&self) -> String {
         if self.unit.is_empty() { self.heading.clone() } else { format!("{}, {}", self.heading, self.unit) }
     }
 }
@@ -111,7 +112,8 @@ impl Table {
     }
 
     /// Whether a column holds numbers.
-    pub(crate) fn is_number(&self, column: &usize) -> bool {
+    #[must_use]
+    pub fn is_number(&self, column: &usize) -> bool {
         self.rows.iter().any(|row| row.get(*column).is_some_and(|cell| cell.value != Value::Words))
     }
 
