@@ -12,7 +12,7 @@
 //! ```
 //! use rotorlead_identify::design::{Chain, DesignOptions, bandwidths};
 //! use rotorlead_plant::bench::{Plan, run};
-//! use rotorlead_report::paper::table_1;
+//! use rotorlead_results::paper::table_1;
 //! use rotorlead_sim::{IdentifyOptions, design, identify};
 //!
 //! // What is to be found: a lag at each of six nominal commands. A multisine and a square wave at each, with noise.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use rotorlead_report::paper::table_1;
+use rotorlead_results::paper::table_1;
 use serde_json::Value;
 
 use crate::stand::{MODEL, Stand};

@@ -11,7 +11,7 @@ use rotorlead_identify::{
 use rotorlead_plant::bench::{Plan, Prediction, add_noise, run};
 use rotorlead_plant::{Color, Model, Noise};
 use rotorlead_records::{Excitation, Experiment};
-use rotorlead_report::paper::{PAPER, table_1};
+use rotorlead_results::paper::{PAPER, table_1};
 
 #[test]
 fn both_simulated_columns_of_table_3_come_out_to_a_thousandth() {

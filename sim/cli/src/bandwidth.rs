@@ -15,11 +15,10 @@ use rotorlead_plant::effect::{Kind, Linearity};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
-use rotorlead_report::{
-    BandwidthValues, bandwidth_section, bandwidth_table, bandwidth_values, in_short, measured_response, measured_table,
-    simulated_response, simulation_and_experiment, steps_table,
+use rotorlead_results::{
+    BandwidthValues, bandwidth_section, bandwidth_table, bandwidth_values, in_short, judged, latency_json, lost_gain,
+    measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
 };
-use rotorlead_results::{judged, latency_json, lost_gain};
 use serde::Serialize;
 use serde_json::Value;
 

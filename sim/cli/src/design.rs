@@ -9,11 +9,10 @@ use rotorlead_answer::Report;
 use rotorlead_identify::design::{DesignedInverse, MOST_OVER_REFERENCE};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
-use rotorlead_report::{
-    bandwidth_section, curve_table, design_section, design_table, discrete_table, inverse_equation, inverse_table,
-    transfer_function,
+use rotorlead_results::{
+    DesignResult, Designed, bandwidth_section, curve_table, design_section, design_table, discrete_table,
+    inverse_equation, inverse_table, setting_name, transfer_function,
 };
-use rotorlead_results::{DesignResult, Designed, setting_name};
 
 use super::bandwidth::{counted_effects, predicted};
 use super::latency::{LatencyArguments, counted_delays};

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use rotorlead_answer::Table;
 use rotorlead_identify::design::{DEVIATIONS, DesignOptions, Robustness, design, robustness};
 use rotorlead_plant::{CompensatorDesign, Model};
-use rotorlead_report::robustness_table;
+use rotorlead_results::robustness_table;
 use serde::Serialize;
 
 use super::progress;

@@ -11,8 +11,7 @@ use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagno
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
-use rotorlead_report::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
-use rotorlead_results::diagnosis_json;
+use rotorlead_results::{diagnosis_json, diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
 use serde_json::json;
 
 use super::diagnose_bandwidths::BandwidthArguments;

@@ -15,7 +15,7 @@ use rotorlead_identify::design::{DesignOptions, design};
 use rotorlead_plant::CompensatorDesign;
 use rotorlead_plant::{Catalog, Model, Provenance};
 use rotorlead_records::files::{Quantity, check_writable};
-use rotorlead_report::{
+use rotorlead_results::{
     bandwidth_diagnosis_section, diagnosis_tone, explanations_table, parameter_table, predicted_table, ratios_table,
 };
 use serde_json::{Value, json};

@@ -10,7 +10,7 @@ use rotorlead_plant::bench::multisine::{
     DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize,
 };
 use rotorlead_records::files::{Quantity, check_writable, write_file};
-use rotorlead_report::excitation;
+use rotorlead_results::excitation;
 use serde_json::json;
 
 use super::WrongUse;

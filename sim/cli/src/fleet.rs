@@ -9,7 +9,7 @@ use rotorlead_identify::fleet::{Comparison, Drift, Log, LogPoint, Quantity, comp
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
-use rotorlead_report::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
+use rotorlead_results::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{JsonOption, Outcome};

@@ -11,8 +11,7 @@ use rotorlead_identify::steps::LawComparison;
 use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::{Experiment, Output};
-use rotorlead_report::{excitation_section, identification_section, identification_tables};
-use rotorlead_results::{IdentifyResult, transform};
+use rotorlead_results::{IdentifyResult, excitation_section, identification_section, identification_tables, transform};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use rotorlead_identify::steps::{LawComparison, LawFit};
-use rotorlead_report::laws_table;
+use rotorlead_results::laws_table;
 
 /// The comparison for people.
 pub fn describe(found: &LawComparison) -> String {

@@ -3,7 +3,7 @@
 use rotorlead_identify::Estimate;
 use rotorlead_identify::static_map::{Limit, StaticMapFit};
 use rotorlead_records::Output;
-use rotorlead_report::unit;
+use rotorlead_results::unit;
 
 fn interval(estimate: Estimate, digits: usize) -> String {
     let (low, high) = estimate.interval(0.95);

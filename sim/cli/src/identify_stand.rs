@@ -11,7 +11,7 @@ use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stan
 use rotorlead_identify::{power_over_noise, times_noise, with_advice};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{Quantity, check_writable};
-use rotorlead_report::{stand_section, stand_table, with_std};
+use rotorlead_results::{stand_section, stand_table, with_std};
 use serde::Serialize;
 
 use super::outcome::{Outcome, warning_lines};

@@ -11,7 +11,7 @@ use rotorlead_identify::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
 };
 use rotorlead_records::files::{FileError, Quantity, check_writable};
-use rotorlead_report::{bandwidth_text, in_short, redesign_sections, redesign_table};
+use rotorlead_results::{bandwidth_text, in_short, redesign_sections, redesign_table};
 use serde::Serialize;
 
 use super::WrongUse;

@@ -7,7 +7,7 @@ use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
 use rotorlead_plant::{CompensatorDesign, Judgement, Model, Word};
 use rotorlead_records::Experiment;
-use rotorlead_report::experiment_facts;
+use rotorlead_results::experiment_facts;
 
 use super::report_option::this_command;
 

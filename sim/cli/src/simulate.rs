@@ -10,8 +10,7 @@ use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{OutputFolder, TextFile};
-use rotorlead_report::simulation_section;
-use rotorlead_results::{read_plan, simulation_json};
+use rotorlead_results::{read_plan, simulation_json, simulation_section};
 
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;

@@ -9,7 +9,7 @@ use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::RecordValidation;
 use rotorlead_plant::{Judgement, Model};
 use rotorlead_records::Experiment;
-use rotorlead_report::{validation_by_nominal, validation_scores, validation_section, verdict};
+use rotorlead_results::{validation_by_nominal, validation_scores, validation_section, verdict};
 use serde::Serialize;
 
 use super::outcome::{JsonOption, Outcome, judgement_lines};

@@ -7,9 +7,10 @@ use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_answer::{Fact, Report, Tone, Verdict};
 use rotorlead_plant::Model;
-use rotorlead_report::paper::table_1;
-use rotorlead_report::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};
-use rotorlead_results::judged;
+use rotorlead_results::paper::table_1;
+use rotorlead_results::{
+    judged, vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
+};
 use rotorlead_vehicle::{Airframe, Ratios, Row, Study, Worth, findings, headline, steps, study};
 use serde::Serialize;
 

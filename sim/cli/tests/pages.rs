@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rotorlead_cli::help_pages;
 use rotorlead_plant::Catalog;
-use rotorlead_report::{catalog_markdown, with_catalog};
+use rotorlead_results::{catalog_markdown, with_catalog};
 
 fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs")

@@ -8,12 +8,13 @@ use rotorlead_identify::design::{
 use rotorlead_plant::{
     ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator, Word,
 };
-use rotorlead_report::{BandwidthValues, bandwidth_values, fastest_point};
 use serde::Serialize;
 use serde_json::Value;
 
+use super::bandwidths::{BandwidthValues, bandwidth_values};
 use super::latency::latency_json;
 use super::lost_gain::lost_gain;
+use super::sections::fastest_point;
 
 /// A compensator with what its design says of it.
 // There is one of them.

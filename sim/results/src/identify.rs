@@ -10,10 +10,10 @@ use rotorlead_identify::{
 };
 use rotorlead_plant::Judgement;
 use rotorlead_records::{Experiment, LongRecord, Output, Record};
-use rotorlead_report::DistortionValues;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::distortion::DistortionValues;
 use super::headline::headline;
 use super::intervals::{Intervals, intervals};
 use super::other_output::OtherOutput;

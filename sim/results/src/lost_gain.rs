@@ -1,7 +1,8 @@
 //! The warning that dead time takes the use from what a compensator gains.
 
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase};
-use rotorlead_report::bandwidth_text;
+
+use super::bandwidths::bandwidth_text;
 
 /// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
 /// the point that it takes most from.

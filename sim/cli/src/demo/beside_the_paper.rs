@@ -3,8 +3,8 @@
 use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
-use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_report::{bandwidth_cell, with_std};
+use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
+use rotorlead_results::{bandwidth_cell, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;

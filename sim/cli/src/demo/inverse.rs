@@ -8,7 +8,7 @@ use rotorlead_identify::{EtfeBandwidth, PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::Plan;
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Excitation;
-use rotorlead_report::bandwidth_cell;
+use rotorlead_results::bandwidth_cell;
 use serde::Serialize;
 
 use crate::bandwidth::RESAMPLES;

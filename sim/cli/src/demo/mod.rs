@@ -21,10 +21,11 @@ use rotorlead_identify::{
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
 use rotorlead_records::files::{Quantity, make_folder, write_file};
-use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use rotorlead_report::{
+use rotorlead_report::svg;
+use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
+use rotorlead_results::{
     Curve, bandwidth_section, bode, design_section, excitation_section, identification_section, measured_response,
-    simulation_and_experiment, svg, validation_section,
+    simulation_and_experiment, validation_section,
 };
 use serde::Serialize;
 

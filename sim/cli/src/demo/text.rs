@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use rotorlead_report::paper::CONTRADICTIONS;
-use rotorlead_report::verdict;
+use rotorlead_results::paper::CONTRADICTIONS;
+use rotorlead_results::verdict;
 
 use super::Demonstrated;
 use crate::design::describe;

@@ -7,11 +7,10 @@ use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::Finding;
 use rotorlead_identify::design::DesignOptions;
 use rotorlead_records::Experiment;
-use rotorlead_report::{
-    bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section, measured_response,
-    parameter_with_std, simulation_and_experiment, validation_section,
+use rotorlead_results::{
+    PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section, lost_gain,
+    measured_response, parameter_with_std, simulation_and_experiment, validation_section,
 };
-use rotorlead_results::{PointValues, lost_gain};
 use serde_json::{Value, json};
 
 use super::ReportCommand;

@@ -6,7 +6,7 @@ use rotorlead_plant::Model;
 
 use super::design_section;
 use crate::bandwidths::bandwidth_cell;
-use crate::compensation::redesigned;
+use crate::figures::compensation::redesigned;
 
 /// What a lead does with the effects present, and the lead itself where it is to be used. `model` is what it was designed for,
 /// `amplitude` that of the sinusoids, duty; `text` says whether it is refused and why, and what is to be known beside the numbers.

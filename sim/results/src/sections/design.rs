@@ -4,7 +4,7 @@ use rotorlead::design::{CurvePoint, LeadDesign};
 use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, InverseCompensator, Model, Point};
 
-use crate::compensation::{compensator, simulated};
+use crate::figures::compensation::{compensator, simulated};
 
 /// Its parameters, what the controller makes of them, and what it does to the model.
 #[must_use]

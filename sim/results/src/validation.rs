@@ -10,7 +10,7 @@ use rotorlead_identify::{
 };
 use rotorlead_records::Output;
 
-use crate::{etfe, time_response};
+use crate::figures::{etfe, time_response};
 
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;

@@ -3,7 +3,7 @@
 use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_vehicle::{Airframe, AtLatency, ForceRow, Row, Study, TuningRule, findings};
 
-use crate::vehicle::vehicle_figures;
+use crate::figures::vehicle::vehicle_figures;
 
 /// The findings, the tables of each latency, and the figures.
 #[must_use]

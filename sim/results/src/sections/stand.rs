@@ -7,7 +7,7 @@ use rotorlead_identify::stand::StandIdentification;
 use rotorlead_identify::times_noise;
 
 use super::estimate;
-use crate::stand::stand_figures;
+use crate::figures::stand::stand_figures;
 
 /// Its poles and zeros, and its frequency response.
 #[must_use]

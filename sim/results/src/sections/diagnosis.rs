@@ -9,7 +9,7 @@ use rotorlead_plant::Point;
 use rotorlead_plant::effect::{Kind, Parameter};
 
 use super::estimate;
-use crate::diagnosis::diagnosis_figures;
+use crate::figures::diagnosis::diagnosis_figures;
 use crate::number::parameter_with_std;
 use crate::unit::unit;
 

@@ -3,7 +3,7 @@
 use rotorlead_answer::{Cell, Column, Section, Table};
 use rotorlead_diagnose::bandwidth_table::{BandwidthDiagnosis, Column as Of, Explanation, Scope};
 
-use crate::bandwidth_diagnosis::bandwidth_diagnosis_figures;
+use crate::figures::bandwidth_diagnosis::bandwidth_diagnosis_figures;
 
 /// Ratios, explanations, and what rules the others out.
 #[must_use]

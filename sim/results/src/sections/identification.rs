@@ -9,9 +9,9 @@ use rotorlead_records::{Experiment, Output};
 
 use super::estimate;
 use crate::distortion::distortion_table;
-use crate::etfe::responses;
-use crate::static_map::static_map;
-use crate::steps::{steps, time_constant_curve};
+use crate::figures::etfe::responses;
+use crate::figures::static_map::static_map;
+use crate::figures::steps::{steps, time_constant_curve};
 use crate::unit::unit;
 
 /// The lags as a table, the responses that they were fitted to, and the static map.

@@ -3,7 +3,7 @@
 use rotorlead_answer::{Axis, Cell, Color, Column, Fact, Figure, FigureKind, Mark, Panel, Section, Series, Table};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
-use crate::excitation::{crest_factor, excitation_of};
+use crate::figures::excitation::{crest_factor, excitation_of};
 use crate::unit::quantity;
 
 /// Pieces of which a curve is drawn.

@@ -5,7 +5,7 @@ use rotorlead_identify::MeasuredBandwidth;
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase};
 
 use crate::bandwidths::{bandwidth_table, measured_table};
-use crate::compensation::bandwidths;
+use crate::figures::compensation::bandwidths;
 
 /// The bandwidth at each nominal command with the `phases` of the whole chain, where they are known, and those that records
 /// show.
