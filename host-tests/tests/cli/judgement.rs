@@ -32,7 +32,7 @@ fn logs() -> Vec<(PathBuf, &'static str)> {
 #[track_caller]
 fn judged_alike(stand: &Stand, name: &str) -> Value {
     let identified = stand.json("identify stand --out found.toml")["judgement"].clone();
-    let word = identified["word"].as_str().unwrap().to_owned();
+    let word = identified["state"].as_str().unwrap().to_owned();
     let headline = stand.run("identify stand --out found.toml");
     let headline = headline.split("\n\n").next().unwrap().replace('\n', " ");
     assert!(headline.contains(&format!(": {word}")), "{name}: {headline}");
@@ -70,7 +70,7 @@ fn every_command_says_the_same_of_a_motor() {
     fs::remove_dir_all(stand.path("stand")).unwrap();
     fs::rename(stand.path("sim"), stand.path("stand")).unwrap();
     let judgement = judged_alike(&stand, "simulated");
-    assert_eq!(judgement["word"], "ready", "{judgement}");
+    assert_eq!(judgement["state"], "ready", "{judgement}");
 }
 
 #[test]
@@ -79,10 +79,10 @@ fn a_ramp_that_a_lag_imitates_is_no_lag() {
     let stand = Stand::empty();
     stand.run(&format!("import {} --excitation staircase --column command=command:duty --out stand", log.display()));
     let judgement = judged_alike(&stand, "ramp");
-    assert_eq!(judgement["word"], "not a lag");
+    assert_eq!(judgement["state"], "not a lag");
     // The whole diagnosis names it too, and leaves the word where it is.
     assert_eq!(stand.json("report stand --out page.html")["judgement"], judgement);
     let page = stand.read("page.html");
     assert!(page.contains("Judged: not a lag") && page.contains("slew-rate limit"));
-    assert!(judgement["reasons"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");
+    assert!(judgement["limits"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");
 }

@@ -23,7 +23,7 @@ fn over_none(json: &Value, latency: usize, set: &str) -> Vec<(f64, f64)> {
     rows.iter().map(|row| (number(&row["ratios"], "bandwidth"), number(&row["ratios"], "disturbance_peak"))).collect()
 }
 
-/// The prototype's ratios to none at a latency of 2 ms: paper's C, inverse at 94, 150 and 200 rad/s, speed loop.
+/// The prototype's ratios to none at a latency of 2 ms: lead, inverse at 94, 150 and 200 rad/s, speed loop.
 #[test]
 fn the_default_vehicle_has_the_ratios_that_are_known_and_says_where_compensation_does_not_pay() {
     let stand = Stand::new();
@@ -57,10 +57,7 @@ fn the_default_vehicle_has_the_ratios_that_are_known_and_says_where_compensation
         assert!((1e2 * number(found, "tracking_error") / error_percent - 1.0).abs() < 0.1, "{found}");
     }
     let findings: Vec<&str> = json["findings"].as_array().unwrap().iter().map(|one| one.as_str().unwrap()).collect();
-    assert!(
-        findings[0].starts_with("Tuned for 0.50 alone, latency 2.0 ms. Worse than none: paper's C"),
-        "{findings:?}"
-    );
+    assert!(findings[0].starts_with("Tuned for 0.50 alone, latency 2.0 ms. Worse than none: lead"), "{findings:?}");
     assert!(findings.iter().any(|one| one.contains("tune for the latency")), "{findings:?}");
 }
 

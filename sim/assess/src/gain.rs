@@ -1,24 +1,11 @@
-//! What the paper's lead gains on a model, and what takes it away.
+//! What takes away what a lead gains on a model.
 
-use rotorlead_identify::design::{
-    Chain, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
-};
+use rotorlead_identify::design::{Chain, DesignOptions, Latency, bandwidths_with, chain_phases, design};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 
-/// Within which limits a lead may be built on the model.
-pub fn limits(model: &Model) -> Vec<String> {
-    let lead = match design(model, &DesignOptions::default()) {
-        Ok(lead) => CompensatorDesign::from(lead),
-        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => {
-            return vec![format!("a lead takes --omega-g {largest_omega_g_rad_s:.1} at most")];
-        }
-        Err(refused) => return vec![format!("no lead can be designed, as {refused}: --kind inverse may")],
-    };
-    lost(model, &lead).into_iter().collect()
-}
-
 /// Where dead time takes the use from what the lead gains, with a flight controller's usual pulses.
-fn lost(model: &Model, lead: &CompensatorDesign) -> Option<String> {
+pub fn lost(model: &Model) -> Option<String> {
+    let lead = &CompensatorDesign::from(design(model, &DesignOptions::default()).ok()?);
     let effects = ActiveEffect::of_model(model).ok()?;
     let chain = Chain::Designed(lead);
     let points = bandwidths_with(model, &effects, chain);

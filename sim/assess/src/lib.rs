@@ -13,6 +13,7 @@ pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Judgement, Model, Word};
 use rotorlead_records::Experiment;
+use rotorlead_vehicle::{Recommendation, recommend};
 
 /// What a lag may miss of a response, percent, and still be one to design with: a step of 5 % is about the smallest that a compensator
 /// is asked to sharpen.
@@ -25,6 +26,8 @@ const LARGEST_STD: f64 = 0.1;
 pub struct Assessment {
     /// Whether a compensator may be built on it.
     pub judgement: Judgement,
+    /// What to fly on the motor; `None` where there is no lag, or none that can be simulated.
+    pub recommendation: Option<Recommendation>,
     /// How well it explains each record.
     pub records: Result<Vec<RecordValidation>, IdentifyError>,
 }
@@ -47,7 +50,11 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
             Word::MeasureAgain,
             "the records show a static map alone: record a multisine or a staircase".to_owned(),
         );
-        return Assessment { judgement: claims.judgement(), records: validate(experiment, model) };
+        return Assessment {
+            judgement: claims.judgement(),
+            recommendation: None,
+            records: validate(experiment, model),
+        };
     }
     let records = validate(experiment, model);
     if not_compared.long {
@@ -67,8 +74,10 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
     claims.of_points(model);
-    claims.0.extend(gain::limits(model).into_iter().map(|limit| (Word::ReadyWithinLimits, limit)));
-    Assessment { judgement: claims.judgement(), records }
+    claims.0.extend(gain::lost(model).map(|limit| (Word::ReadyWithinLimits, limit)));
+    let judgement = claims.judgement();
+    let recommendation = recommend(model, Some(judgement.state)).ok();
+    Assessment { judgement, recommendation, records }
 }
 
 /// What speaks against a model, each with the best word that it leaves.
@@ -151,7 +160,7 @@ impl Claims {
     fn judgement(mut self) -> Judgement {
         self.0.sort_by_key(|(word, _)| std::cmp::Reverse(*word));
         let word = self.0.first().map_or(Word::Ready, |(word, _)| *word);
-        Judgement { word, reasons: self.0.into_iter().map(|(_, reason)| reason).collect() }
+        Judgement { state: word, limits: self.0.into_iter().map(|(_, reason)| reason).collect() }
     }
 }
 

@@ -27,14 +27,14 @@ fn effect(kind: &str, parameters: &str) -> String {
 #[test]
 fn a_lag_on_held_out_records_is_ready() {
     let judgement = judged(&stand(""));
-    assert_eq!(judgement, Judgement { word: Word::Ready, reasons: Vec::new() });
+    assert_eq!(judgement, Judgement { state: Word::Ready, limits: Vec::new() });
 }
 
 #[test]
 fn a_ramp_of_the_esc_is_named_and_no_lag() {
     let judgement = judged(&stand(&effect("slew_limit", "rate_per_s = 0.6")));
-    assert_eq!(judgement.word, Word::NotALag);
-    assert!(judgement.reasons[0].contains("ramp its command, by 0.60 of the range"), "{judgement:?}");
+    assert_eq!(judgement.state, Word::NotALag);
+    assert!(judgement.limits[0].contains("ramp its command, by 0.60 of the range"), "{judgement:?}");
 }
 
 #[test]
@@ -42,8 +42,8 @@ fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
     for (participation, word) in [(0.5, Word::NotALag), (0.02, Word::ReadyWithinLimits)] {
         let resonance = format!("participation = {participation}, frequency_hz = 8.0, damping = 0.05");
         let judgement = judged(&stand(&effect("stand_resonance", &resonance)));
-        assert_eq!(judgement.word, word, "{judgement:?}");
-        assert!(judgement.reasons[0].starts_with("the lag misses"), "{judgement:?}");
+        assert_eq!(judgement.state, word, "{judgement:?}");
+        assert!(judgement.limits[0].starts_with("the lag misses"), "{judgement:?}");
     }
 }
 
@@ -56,8 +56,8 @@ fn without_held_out_records_or_a_second_level_nothing_is_ready() {
     one_level.records.retain(|record| record.nominal < 0.5);
     for (experiment, part) in [(fitted, "no record was held out"), (one_level, "u_nom 0.4 alone")] {
         let judgement = judged(&experiment);
-        assert_eq!(judgement.word, Word::MeasureAgain);
-        assert!(judgement.reasons.iter().any(|reason| reason.contains(part)), "{judgement:?}");
+        assert_eq!(judgement.state, Word::MeasureAgain);
+        assert!(judgement.limits.iter().any(|reason| reason.contains(part)), "{judgement:?}");
     }
 }
 
@@ -67,14 +67,14 @@ fn what_cannot_be_compared_is_said() {
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
     let judged = |model: &Model, not_compared| assess(&experiment, model, not_compared).judgement;
     let long = judged(&model, NotCompared { long: true, stand: false });
-    assert!(long.word == Word::MeasureAgain && long.reasons[0].contains("too long"), "{long:?}");
+    assert!(long.state == Word::MeasureAgain && long.limits[0].contains("too long"), "{long:?}");
     let all_long = Experiment { records: Vec::new(), ..experiment.clone() };
     let judgement = assess(&all_long, &model, NotCompared { long: true, stand: false }).judgement;
-    assert!(judgement.reasons.len() == 1 && judgement.reasons[0].contains("too long"), "{judgement:?}");
+    assert!(judgement.limits.len() == 1 && judgement.limits[0].contains("too long"), "{judgement:?}");
     let stand = judged(&model, NotCompared { long: false, stand: true });
-    assert!(stand.word == Word::ReadyWithinLimits && stand.reasons[0].contains("a stand was divided out"), "{stand:?}");
+    assert!(stand.state == Word::ReadyWithinLimits && stand.limits[0].contains("a stand was divided out"), "{stand:?}");
     let unknown = judged(&Model { provenance: None, ..model.clone() }, NotCompared::default());
-    assert!(unknown.reasons[0].contains("does not say what it was fitted to"), "{unknown:?}");
+    assert!(unknown.limits[0].contains("does not say what it was fitted to"), "{unknown:?}");
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn a_model_that_has_the_ramp_is_no_lag_that_lacks_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let with: Model = toml::from_str(&format!("{MOTOR}{}", effect("slew_limit", "rate_per_s = 0.7"))).unwrap();
     let judgement = assess(&experiment, &with, NotCompared::default()).judgement;
-    assert!(!judgement.reasons.iter().any(|reason| reason.contains("ramp its command")), "{judgement:?}");
+    assert!(!judgement.limits.iter().any(|reason| reason.contains("ramp its command")), "{judgement:?}");
 }
 
 #[test]
@@ -91,8 +91,8 @@ fn a_dead_time_that_takes_the_gain_is_a_limit() {
     let motor: Model = toml::from_str(&late).unwrap();
     let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&motor) };
     let judgement = judged(&run(&plan, &motor, None, &|_| ()).unwrap());
-    assert_eq!(judgement.word, Word::ReadyWithinLimits, "{judgement:?}");
-    assert!(judgement.reasons[0].starts_with("a dead time of"), "{judgement:?}");
+    assert_eq!(judgement.state, Word::ReadyWithinLimits, "{judgement:?}");
+    assert!(judgement.limits[0].starts_with("a dead time of"), "{judgement:?}");
 }
 
 #[test]
@@ -100,8 +100,8 @@ fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
     let mut other = stand("");
     other.records.iter_mut().for_each(|record| record.nominal = 0.9);
     let model: Model = toml::from_str(MOTOR).unwrap();
-    let Assessment { judgement, records } = assess(&other, &model, NotCompared::default());
-    assert!(records.is_err() && judgement.word == Word::MeasureAgain, "{judgement:?}");
+    let Assessment { judgement, records, .. } = assess(&other, &model, NotCompared::default());
+    assert!(records.is_err() && judgement.state == Word::MeasureAgain, "{judgement:?}");
     let no_lag = Model { points: Vec::new(), ..model };
-    assert!(assess(&other, &no_lag, NotCompared::default()).judgement.reasons[0].contains("static map alone"));
+    assert!(assess(&other, &no_lag, NotCompared::default()).judgement.limits[0].contains("static map alone"));
 }

@@ -4,26 +4,29 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
+use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
 use rotorlead_answer::Report;
 use rotorlead_identify::design::{DesignedInverse, MOST_OVER_REFERENCE};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
 use rotorlead_results::{
-    DesignResult, Designed, bandwidth_section, curve_table, design_section, design_table, discrete_table,
-    inverse_equation, inverse_table, setting_name, transfer_function,
+    Chosen, DesignResult, Designed, bandwidth_section, curve_table, design_section, design_table, discrete_table,
+    inverse_equation, inverse_table, recommendation_table, refused, setting_name, to_fly, transfer_function,
 };
+use rotorlead_vehicle::Recommendation;
 
 use super::bandwidth::{counted_effects, predicted};
 use super::latency::{LatencyArguments, counted_delays};
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
-use super::parameters::DesignArguments;
+use super::parameters::{DesignArguments, PurposeOption};
 use super::report_option::ReportOption;
 use super::report_pages;
 
 /// Designs one compensator for all points of a model
 ///
-/// The zero of a lead is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g. An
+/// Without --kind it designs what is recommended for the purpose: what is better than none in the default vehicle, simulated with this
+/// motor (docs/judgement.md). Where nothing is, it says why and writes nothing. The zero of a lead is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g. An
 /// inverse (--kind inverse) makes the rotor equally fast at every point, with the limits of its command in its state; it is
 /// refused where a time constant is known too badly. Writes the parameters and the integers that a controller makes of them; refuses what its format cannot hold.
 /// Predicts the bandwidths and the phase of the whole chain as `rotorlead bandwidth` does, and warns where dead time makes
@@ -39,6 +42,8 @@ pub struct Design {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
+    purpose: PurposeOption,
+    #[command(flatten)]
     latency: LatencyArguments,
     #[command(flatten)]
     report: ReportOption,
@@ -51,22 +56,29 @@ impl Design {
     pub fn run(&self) -> miette::Result<Outcome> {
         // Before anything is read or written: it may be wrong use.
         self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
-        self.parameters.options()?;
+        let request = self.parameters.request()?;
         let model = Model::read(&self.model)?;
         check_writable(&self.out)?;
         self.report.check()?;
         let effects = ActiveEffect::of_model(&model)?;
-        let designed = self.parameters.design(&model, &self.model)?;
+        let Chosen { designed, recommendation } = request
+            .design(&model, self.purpose.purpose())
+            .map_err(miette::Report::from)
+            .wrap_err_with(|| format!("`{}` gives no compensator", self.model.display()))?;
         let compensator = designed.compensator();
         compensator.write(&self.out)?;
 
         let latency = self.latency.latency(compensator.loop_rate_hz())?;
-        let found = DesignResult::of(&model, &effects, designed, latency);
+        let mut found = DesignResult::of(&model, &effects, designed, latency);
+        found.recommendation = recommendation;
         let DesignResult { designed, points, phases, warnings, .. } = &found;
         let (mut text, detail) = match designed {
             Designed::Lead(design) => (describe(design, &model), discrete_table(design).text()),
             Designed::Inverse(inverse) => described_inverse(&compensator, inverse),
         };
+        if let Some(recommendation) = &found.recommendation {
+            write!(text, "\n{}", chosen(recommendation)).expect("a string takes all");
+        }
         write!(text, "\n{}", predicted(points, phases).text()).expect("a string takes all");
         text.push_str(&counted_delays(&found.latency, phases));
         text.push_str(&counted_effects(&effects));
@@ -90,6 +102,13 @@ impl Design {
         })?);
         Ok(Outcome::new(text, &found.values()).with_detail(detail))
     }
+}
+
+/// What was recommended for each purpose, and what it was chosen from.
+fn chosen(recommendation: &Recommendation) -> String {
+    let table = recommendation_table(recommendation).text();
+    let said = to_fly(recommendation).into_iter().chain(refused(recommendation));
+    table + &said.map(|sentence| paragraph(&sentence, "  ")).collect::<String>()
 }
 
 /// The inverse with what its check found, and its curve.

@@ -11,7 +11,10 @@ use rotorlead_identify::steps::LawComparison;
 use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::{Experiment, Output};
-use rotorlead_results::{IdentifyResult, excitation_section, identification_section, identification_tables, transform};
+use rotorlead_results::{
+    IdentifyResult, excitation_section, identification_section, identification_tables, recommendation_table, refused,
+    to_fly, transform,
+};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};
@@ -118,7 +121,7 @@ impl Identify {
             // How the logs were merged may say why nothing comes of them.
             let found = IdentifyResult::of(&aligned.experiment, &options)
                 .inspect_err(|_| eprint!("{}", printable(&aligned.text)))
-                .map_err(refused)
+                .map_err(no_stand)
                 .wrap_err_with(nothing)?;
             Ok((aligned, found))
         })?;
@@ -129,7 +132,13 @@ impl Identify {
         warnings.extend(found.warnings.iter().cloned());
         let (of_lags, mut detail) = tables(&experiment, identified, found.laws.as_ref());
         let mut text = paragraph(&found.headline, "  ");
-        text.extend(found.judgement.reasons.iter().map(|reason| paragraph(&format!("- {reason}"), "  ")));
+        text.extend(found.judgement.limits.iter().map(|reason| paragraph(&format!("- {reason}"), "  ")));
+        if let Some(recommendation) = &found.recommendation {
+            text.extend(to_fly(recommendation).iter().map(|sentence| paragraph(&format!("- {sentence}"), "  ")));
+            detail.push('\n');
+            detail.push_str(&recommendation_table(recommendation).text());
+            detail.extend(refused(recommendation).iter().map(|sentence| paragraph(sentence, "  ")));
+        }
         if let Some(other) = &found.other_output {
             text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
         }
@@ -186,7 +195,7 @@ fn check_output(experiment: &Experiment) -> Result<(), WrongUse> {
 }
 
 /// That no stand is divided out of steps is said of the option.
-fn refused(error: IdentifyError) -> miette::Report {
+fn no_stand(error: IdentifyError) -> miette::Report {
     match error {
         IdentifyError::StandOfSteps => WrongUse::new(
             "--stand-model is for multisine records, and this experiment has none",

@@ -178,8 +178,8 @@ pub fn warning_lines(warning: &str) -> String {
 
 /// Whether a compensator may be built on a model, as it is printed.
 pub fn judgement_lines(judgement: &Judgement) -> String {
-    let reasons = judgement.reasons.iter().map(|reason| paragraph(&format!("- {reason}"), "  "));
-    format!("Judged: {}\n{}", judgement.word, reasons.collect::<String>())
+    let reasons = judgement.limits.iter().map(|reason| paragraph(&format!("- {reason}"), "  "));
+    format!("Judged: {}\n{}", judgement.state, reasons.collect::<String>())
 }
 
 /// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
+use rotorlead_identify::design::Setting;
 use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{DesignOptions, InverseOptions, Setting};
 use rotorlead_plant::Model;
 use rotorlead_records::files::Quantity;
-use rotorlead_results::Designed;
+use rotorlead_results::{DesignRequest, Designed, Kind};
+use rotorlead_vehicle::Purpose;
 
 use super::WrongUse;
 
@@ -17,8 +18,8 @@ use super::WrongUse;
 pub struct DesignArguments {
     /// What to design: the paper's lead, whose zero is on the fastest pole, or an inverse, whose zero follows the rotor; see
     /// docs/inverse.md
-    #[arg(long, value_enum, default_value_t = Kind::Lead)]
-    kind: Kind,
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
     /// Highest frequency that a lead is to amplify; 2 pi 100 rad/s, the paper's, unless given
     #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     omega_g: Option<f64>,
@@ -49,9 +50,37 @@ pub struct DesignArguments {
     compensate_range: Option<(f64, f64)>,
 }
 
+/// For what a compensator is chosen.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct PurposeOption {
+    /// For what a compensator is chosen where no kind is given: a multirotor's rate loop, whose gains are tuned again with it, or a
+    /// force around which no loop is closed
+    #[arg(long, value_enum, default_value_t = PurposeName::RateLoop)]
+    purpose: PurposeName,
+}
+
+/// The purposes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PurposeName {
+    /// A multirotor's rate loop
+    RateLoop,
+    /// Tilted rotors, tethers, contact
+    Force,
+}
+
+impl PurposeOption {
+    /// What was given.
+    pub fn purpose(self) -> Purpose {
+        match self.purpose {
+            PurposeName::RateLoop => Purpose::RateLoop,
+            PurposeName::Force => Purpose::Force,
+        }
+    }
+}
+
 /// The kinds of compensator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
+pub enum KindName {
     /// The paper's lead
     Lead,
     /// A conditioned inverse
@@ -68,7 +97,7 @@ pub enum SettingName {
 }
 
 impl DesignArguments {
-    /// Designs for `model`, which was read from `file`.
+    /// Designs for `model`, which was read from `file`: the lead unless something else is asked for.
     pub fn design(&self, model: &Model, file: &Path) -> miette::Result<Designed> {
         let designed = Designed::of(model, &self.options()?);
         designed.map_err(miette::Report::from).wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
@@ -76,58 +105,63 @@ impl DesignArguments {
 
     /// Whether any was given.
     pub fn is_given(&self) -> bool {
-        let numbers = [self.omega_g, self.damping, self.loop_rate, self.prewarp, self.natural, self.slew];
-        let ranges = [self.output_range, self.compensate_range];
-        self.kind != Kind::Lead
-            || self.setting.is_some()
-            || numbers.iter().any(Option::is_some)
-            || ranges.iter().any(Option::is_some)
+        self.unchecked() != DesignRequest::default()
     }
 
-    /// What was given, and the defaults for the rest.
+    /// What was given, and the defaults for the rest, of the lead unless something else is asked for.
     ///
     /// # Errors
     /// When an option of the other kind was given.
     pub fn options(&self) -> Result<KindOptions, WrongUse> {
-        let of_other = |given: &[(&str, bool)]| match given.iter().find(|(_, is_given)| *is_given) {
-            Some((option, _)) => Err(WrongUse::new(
-                format!("{option} is no option of this kind of compensator"),
+        let request = self.request()?;
+        Ok(request.options(request.kind().unwrap_or(Kind::Lead)))
+    }
+
+    /// What was given.
+    ///
+    /// # Errors
+    /// When an option of the other kind was given.
+    pub fn request(&self) -> Result<DesignRequest, WrongUse> {
+        let request = self.unchecked();
+        let option = |parameter: &str| match parameter {
+            "omega_g_rad_s" => "--omega-g",
+            "prewarp_rad_s" => "--prewarp",
+            "natural_rad_s" => "--natural",
+            "output_range" => "--output-range",
+            "compensate_range" => "--compensate-range",
+            _ => "--setting",
+        };
+        match request.foreign() {
+            Some(parameter) => Err(WrongUse::new(
+                format!("{} is no option of this kind of compensator", option(parameter)),
                 "leave it out, or change --kind",
             )),
-            None => Ok(()),
-        };
-        let of_inverse = [
-            ("--natural", self.natural.is_some()),
-            ("--setting", self.setting.is_some()),
-            ("--output-range", self.output_range.is_some()),
-            ("--compensate-range", self.compensate_range.is_some()),
-        ];
-        let of_lead = [("--omega-g", self.omega_g.is_some()), ("--prewarp", self.prewarp.is_some())];
-        match self.kind {
-            Kind::Lead => {
-                of_other(&of_inverse)?;
-                let default = DesignOptions::default();
-                Ok(KindOptions::Lead(DesignOptions {
-                    omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
-                    damping: self.damping.unwrap_or(default.damping),
-                    loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
-                    prewarp_rad_s: self.prewarp,
-                    slew_per_s: self.slew,
-                }))
-            }
-            Kind::Inverse => {
-                of_other(&of_lead)?;
-                let default = InverseOptions::default();
-                Ok(KindOptions::Inverse(InverseOptions {
-                    setting: self.setting.map(SettingName::setting),
-                    omega_f_rad_s: self.natural,
-                    damping: self.damping.unwrap_or(default.damping),
-                    loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
-                    range: self.output_range.unwrap_or(default.range),
-                    slew_per_s: self.slew,
-                    compensated: self.compensate_range,
-                }))
-            }
+            None => Ok(request),
+        }
+    }
+
+    fn unchecked(&self) -> DesignRequest {
+        DesignRequest {
+            kind: self.kind.map(KindName::kind),
+            omega_g_rad_s: self.omega_g,
+            prewarp_rad_s: self.prewarp,
+            natural_rad_s: self.natural,
+            setting: self.setting.map(SettingName::setting),
+            output_range: self.output_range,
+            compensate_range: self.compensate_range,
+            damping: self.damping,
+            loop_rate_hz: self.loop_rate,
+            slew_per_s: self.slew,
+        }
+    }
+}
+
+impl KindName {
+    /// The same for a design.
+    pub fn kind(self) -> Kind {
+        match self {
+            Self::Lead => Kind::Lead,
+            Self::Inverse => Kind::Inverse,
         }
     }
 }

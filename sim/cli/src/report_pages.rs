@@ -83,13 +83,13 @@ pub fn identified(model: &Model, judgement: &Judgement, warnings: usize) -> Verd
 
 /// Whether a compensator may be built on a model, with the reasons.
 pub fn judged(judgement: &Judgement) -> Verdict {
-    let tone = match judgement.word {
+    let tone = match judgement.state {
         Word::Ready => Tone::Good,
         Word::ReadyWithinLimits => Tone::Plain,
         Word::MeasureAgain | Word::NotALag => Tone::Attention,
     };
-    let reasons = judgement.reasons.iter().map(|reason| format!("Because {reason}."));
-    Verdict::new(tone, format!("Judged: {}.", judgement.word)).with(reasons.collect())
+    let reasons = judgement.limits.iter().map(|reason| format!("Because {reason}."));
+    Verdict::new(tone, format!("Judged: {}.", judgement.state)).with(reasons.collect())
 }
 
 /// The same verdict where there may be warnings below.

@@ -7,9 +7,9 @@ use miette::WrapErr as _;
 use rotorlead_answer::Report;
 use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::RecordValidation;
-use rotorlead_plant::{Judgement, Model};
+use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
-use rotorlead_results::{validation_by_nominal, validation_scores, validation_section, verdict};
+use rotorlead_results::{JudgementValues, validation_by_nominal, validation_scores, validation_section, verdict};
 use serde::Serialize;
 
 use super::outcome::{JsonOption, Outcome, judgement_lines};
@@ -39,14 +39,15 @@ impl Validate {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
         let model = Model::read(&self.model)?;
-        let (experiment, records, judgement) =
+        let (experiment, records, judgement, recommendation) =
             progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
                 let experiment = Experiment::read(&self.experiment)?;
-                let Assessment { judgement, records } = assess(&experiment, &model, NotCompared::default());
+                let Assessment { judgement, recommendation, records } =
+                    assess(&experiment, &model, NotCompared::default());
                 let records = records.map_err(miette::Report::from).wrap_err_with(|| {
                     format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
                 })?;
-                Ok((experiment, records, judgement))
+                Ok((experiment, records, judgement, recommendation))
             })?;
         let written = self.report.write(|| Report {
             facts: [
@@ -79,13 +80,14 @@ impl Validate {
             None => (scores.text(), String::new()),
         };
         let text = format!("{first}\n{}{}{written}", verdict(&records), judgement_lines(&judgement));
-        Ok(Outcome::new(text, &Values { judgement, records }).with_detail(detail))
+        let judgement = JudgementValues::new(&judgement, recommendation.as_ref());
+        Ok(Outcome::new(text, &Values { judgement, records: &records }).with_detail(detail))
     }
 }
 
 /// How well the model explains each record.
 #[derive(Serialize)]
-struct Values {
-    judgement: Judgement,
-    records: Vec<RecordValidation>,
+struct Values<'a> {
+    judgement: JudgementValues<'a>,
+    records: &'a [RecordValidation],
 }

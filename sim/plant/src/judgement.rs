@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Judgement {
     /// In a word.
-    pub word: Word,
+    pub state: Word,
     /// Why, what weighs most first, each with what to do; none where it is [`Word::Ready`].
-    pub reasons: Vec<String>,
+    pub limits: Vec<String>,
 }
 
 /// The four words, from the best on.
@@ -45,9 +45,9 @@ impl fmt::Display for Word {
 /// The word, and the reason that weighs most.
 impl fmt::Display for Judgement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.reasons.first() {
-            Some(reason) => write!(f, "{}: {reason}", self.word),
-            None => write!(f, "{}", self.word),
+        match self.limits.first() {
+            Some(reason) => write!(f, "{}: {reason}", self.state),
+            None => write!(f, "{}", self.state),
         }
     }
 }

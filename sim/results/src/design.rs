@@ -8,6 +8,7 @@ use rotorlead_identify::design::{
 use rotorlead_plant::{
     ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator, Word,
 };
+use rotorlead_vehicle::Recommendation;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -62,6 +63,8 @@ pub struct DesignResult {
     pub latency: Latency,
     /// What is to be known before it flies.
     pub warnings: Vec<String>,
+    /// What it was chosen from; `None` where its kind was asked for.
+    pub recommendation: Option<Recommendation>,
 }
 
 /// The result for programs.
@@ -94,6 +97,8 @@ pub struct LeadValues {
     command_noise_gain: [CommandNoiseGain; 3],
     points: Vec<BandwidthValues>,
     latency: Value,
+    /// Null where the kind was asked for.
+    recommend: Option<Recommendation>,
 }
 
 /// Of an inverse.
@@ -112,6 +117,8 @@ pub struct InverseValues {
     warnings: Vec<String>,
     points: Vec<BandwidthValues>,
     latency: Value,
+    /// Null where the kind was asked for.
+    recommend: Option<Recommendation>,
 }
 
 #[derive(Serialize)]
@@ -134,7 +141,7 @@ impl DesignResult {
         };
         let judged = judged(model);
         let warnings = judged.into_iter().chain(doubts).chain(lost_gain(&points, &phases)).collect();
-        Self { designed, compensator, points, phases, latency, warnings }
+        Self { designed, compensator, points, phases, latency, warnings, recommendation: None }
     }
 
     /// The result for programs. What is not known is null.
@@ -144,6 +151,7 @@ impl DesignResult {
         let (points, latency) =
             (bandwidth_values(&self.points, phases), latency_json(latency, Chain::Designed(compensator), phases));
         let warnings = self.warnings.clone();
+        let recommend = self.recommendation.clone();
         match (designed, compensator.stored()) {
             (Designed::Lead(design), StoredCompensator::Lead(LeadFile { coefficients, .. })) => {
                 let (check, lead) = (design.check(), design.lead());
@@ -162,6 +170,7 @@ impl DesignResult {
                     command_noise_gain: compensator.command_noise_gain(),
                     points,
                     latency,
+                    recommend,
                 })
             }
             (Designed::Lead(_), StoredCompensator::Inverse(_)) => unreachable!("a lead is stored as one"),
@@ -176,6 +185,7 @@ impl DesignResult {
                 warnings,
                 points,
                 latency,
+                recommend,
             }),
         }
     }
@@ -184,7 +194,7 @@ impl DesignResult {
 /// Said of a model that is not ready: whatever is built on it rests on that.
 #[must_use]
 pub fn judged(model: &Model) -> Option<String> {
-    let judgement = model.judgement().filter(|judgement| judgement.word != Word::Ready)?;
+    let judgement = model.judgement().filter(|judgement| judgement.state != Word::Ready)?;
     Some(format!("warning: the model was judged when it was identified, as {judgement}"))
 }
 

@@ -15,7 +15,7 @@ pub fn headline(identified: &Identification, judgement: &Judgement) -> String {
             format!("static map of {points} steady points, no lag")
         }
     };
-    format!("{lag}: {}", judgement.word)
+    format!("{lag}: {}", judgement.state)
 }
 
 /// The lag of the steps, averaged over those in one direction.

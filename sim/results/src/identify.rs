@@ -1,7 +1,7 @@
 //! What identification finds.
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
-use rotorlead_assess::{NotCompared, assess};
+use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
 use rotorlead_identify::{
@@ -10,6 +10,7 @@ use rotorlead_identify::{
 };
 use rotorlead_plant::Judgement;
 use rotorlead_records::{Experiment, LongRecord, Output, Record};
+use rotorlead_vehicle::Recommendation;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -18,6 +19,7 @@ use super::headline::headline;
 use super::intervals::{Intervals, intervals};
 use super::other_output::OtherOutput;
 use super::points::{ChirpValues, PointValues};
+use super::recommendation::JudgementValues;
 
 /// An identification, and what follows from it and its records.
 pub struct IdentifyResult {
@@ -31,6 +33,8 @@ pub struct IdentifyResult {
     pub headline: String,
     /// Whether a compensator may be built on the model.
     pub judgement: Judgement,
+    /// What to fly on the motor; `None` where nothing can be compared.
+    pub recommendation: Option<Recommendation>,
     /// What the user should know of it, in sentences.
     pub warnings: Vec<String>,
     output: Output,
@@ -40,7 +44,7 @@ pub struct IdentifyResult {
 #[derive(Serialize)]
 pub struct IdentifyValues<'a> {
     headline: &'a str,
-    judgement: &'a Judgement,
+    judgement: JudgementValues<'a>,
     output: Output,
     other_output: Option<&'a OtherOutput>,
     points: Vec<PointValues>,
@@ -80,7 +84,7 @@ impl IdentifyResult {
     pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
         let mut identification = identify(experiment, options)?;
         let not_compared = NotCompared { long: !options.long.is_empty(), stand: options.stand.is_some() };
-        let judgement = assess(experiment, &identification.model, not_compared).judgement;
+        let Assessment { judgement, recommendation, .. } = assess(experiment, &identification.model, not_compared);
         if let Some(provenance) = &mut identification.model.provenance {
             provenance.judgement = Some(judgement.clone());
         }
@@ -96,6 +100,7 @@ impl IdentifyResult {
             other_output: in_time.and_then(|fit| OtherOutput::of(experiment, fit)),
             headline: headline(&identification, &judgement),
             judgement,
+            recommendation,
             warnings,
             output: experiment.output,
             identification,
@@ -111,7 +116,7 @@ impl IdentifyResult {
         let distortion = |found: &PeriodicIdentification| found.nominals.iter().map(DistortionValues::of).collect();
         IdentifyValues {
             headline: &self.headline,
-            judgement: &self.judgement,
+            judgement: JudgementValues::new(&self.judgement, self.recommendation.as_ref()),
             output: self.output,
             other_output: self.other_output.as_ref(),
             points: identified.model.points.iter().cloned().map(PointValues).collect(),

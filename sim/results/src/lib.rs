@@ -18,6 +18,8 @@ mod other_output;
 pub mod paper;
 mod points;
 mod predicted_steps;
+mod recommendation;
+mod request;
 mod sections;
 mod simulate;
 mod unit;
@@ -41,6 +43,8 @@ pub use lost_gain::lost_gain;
 pub use number::{parameter_with_std, with_std};
 pub use points::PointValues;
 pub use predicted_steps::{robustness_table, steps_table};
+pub use recommendation::{JudgementValues, recommendation_table, refused, to_fly};
+pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
     FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,
     diagnosis_section, diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section,

@@ -43,7 +43,7 @@ impl ActuatorKind {
     pub fn name(self) -> String {
         match self {
             Self::None => "none".to_owned(),
-            Self::Lead => "paper's C".to_owned(),
+            Self::Lead => "lead".to_owned(),
             Self::Inverse { omega_f_rad_s } => format!("inverse {omega_f_rad_s:.0}"),
             Self::SpeedFeedback { pole_rad_s } => format!("speed loop {pole_rad_s:.0}"),
         }
@@ -116,6 +116,18 @@ pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec
 }
 
 impl Actuator {
+    /// None, of an ESC that gets commands from the first to the second.
+    #[must_use]
+    pub fn bare(range: (f64, f64)) -> Self {
+        Self { kind: ActuatorKind::None, design: Design::None, range }
+    }
+
+    /// A compensator of that kind.
+    #[must_use]
+    pub fn compensated(kind: ActuatorKind, compensator: CompensatorDesign, range: (f64, f64)) -> Self {
+        Self { kind, design: Design::Compensator(Box::new(compensator)), range }
+    }
+
     /// Small-signal response at 5 kHz from the flight controller's command to that of the ESC, at the operating point `nominal` of
     /// `rotor`. The filters have their rounded coefficients.
     #[must_use]

@@ -103,11 +103,11 @@ impl RollAxis<'_> {
         motion
     }
 
-    /// The response to the airframe's step of the disturbance torque, the attitude setpoint being level.
+    /// The response for `duration_s` to the airframe's step of the disturbance torque, the attitude setpoint being level.
     #[must_use]
-    pub fn disturbed(&self) -> Motion {
+    pub fn disturbed(&self, duration_s: f64) -> Motion {
         let attitude_p = self.gains.attitude_p_1_s;
-        self.motion(DURATION_S, |_, angle| -attitude_p * angle, |_| self.airframe.roll.disturbance_n_m)
+        self.motion(duration_s, |_, angle| -attitude_p * angle, |_| self.airframe.roll.disturbance_n_m)
     }
 
     /// Settling time of the airframe's step of the attitude setpoint, seconds: from then on the angle stays within 2 % of the step;
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn a_simulation_repeats_bit_for_bit_and_rests_without_a_disturbance() {
         each(|axis| {
-            assert_eq!(axis.disturbed().angle_rad, axis.disturbed().angle_rad);
+            assert_eq!(axis.disturbed(DURATION_S).angle_rad, axis.disturbed(DURATION_S).angle_rad);
             let motion = axis.motion(0.5, |_, angle| -axis.gains.attitude_p_1_s * angle, |_| 0.0);
             // The step of the inverse's output is 2^-16.
             assert!(peak_deg(&motion) < 1e-3, "{:?}: {}", axis.actuator.kind, peak_deg(&motion));

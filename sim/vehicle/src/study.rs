@@ -17,6 +17,8 @@ use crate::tuning::{Gains, TuningRule, tuned};
 
 /// Operating points of a range, both ends among them.
 const RANGE_POINTS: usize = 6;
+/// How long the vehicle is simulated after the step of the disturbance torque, seconds.
+const DISTURBED_S: f64 = 4.0;
 /// How much of a disturbed angle is kept for figures, seconds.
 const DRAWN_S: f64 = 0.8;
 /// How much of a force step is kept for figures, seconds.
@@ -53,7 +55,7 @@ pub struct AtLatency {
 }
 
 /// One actuator.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Which one.
     pub actuator: ActuatorKind,
@@ -100,7 +102,7 @@ pub struct ForceRow {
 }
 
 /// An actuator that there is none of.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Refused {
     /// Which one.
     pub actuator: ActuatorKind,
@@ -212,7 +214,7 @@ impl Case<'_> {
             let here = nominals.iter().zip(&points).map(|(&nominal, point)| {
                 let (airframe, rotor) = (self.airframe, self.rotor);
                 let axis = RollAxis { airframe, rotor, actuator, nominal, latency_s, gains };
-                let motion = axis.disturbed();
+                let motion = axis.disturbed(DISTURBED_S);
                 Performance {
                     gains,
                     margins: point.margins(gains.rate()),
@@ -231,7 +233,7 @@ impl Case<'_> {
 
 impl Performance {
     /// The worse of each.
-    fn worse(self, other: Self) -> Self {
+    pub(crate) fn worse(self, other: Self) -> Self {
         let (a, b) = (self.margins, other.margins);
         Self {
             gains: self.gains,

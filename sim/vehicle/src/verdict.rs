@@ -234,7 +234,7 @@ mod tests {
         let found = findings(&study, 0.5, [0.4, 0.65]);
         assert_eq!(
             found[0],
-            "Tuned for 0.50 alone, latency 2.0 ms. Worse than none: paper's C (bandwidth x0.75, peak x2.00). Better than none: \
+            "Tuned for 0.50 alone, latency 2.0 ms. Worse than none: lead (bandwidth x0.75, peak x2.00). Better than none: \
              inverse 150 (bandwidth x1.25, peak x0.50)."
         );
         assert!(

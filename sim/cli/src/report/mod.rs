@@ -13,10 +13,10 @@ use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
 use rotorlead_report::html;
 
-use parts::Parts;
+use parts::{Asked, Parts};
 
 use super::outcome::{JsonOption, Outcome, wrapped};
-use super::parameters::Kind;
+use super::parameters::{KindName, PurposeOption};
 use super::report_option::FiguresOption;
 
 /// Width of what is said.
@@ -37,9 +37,11 @@ pub struct ReportCommand {
     /// The model to be judged; unless given, DIR/model.toml where it is there, or else the lags that the records show
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// What to design: the paper's lead, or an inverse
-    #[arg(long, value_enum, default_value_t = Kind::Lead)]
-    kind: Kind,
+    /// What to design: the paper's lead, or an inverse; what is recommended for the purpose unless given
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
+    #[command(flatten)]
+    purpose: PurposeOption,
     /// Leave the diagnosis out, which takes the longest
     #[arg(long)]
     no_diagnosis: bool,
@@ -57,7 +59,7 @@ impl ReportCommand {
         let given = self.given();
         let model = given.as_deref().map(Model::read).transpose()?;
         let experiment = Experiment::read(&self.experiment)?;
-        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis, self.kind)?;
+        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis, self.asked())?;
         let report = parts.report(self, &experiment, given.as_deref());
         let figures = self.figures.write(&report)?;
         write_file(&self.out, html(&report)?.as_bytes())?;
@@ -69,6 +71,10 @@ impl ReportCommand {
         text.push_str(&figures);
         writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
         Ok(Outcome::new(text, &parts.json(&report)))
+    }
+
+    fn asked(&self) -> Asked {
+        Asked { kind: self.kind.map(KindName::kind), purpose: self.purpose.purpose() }
     }
 
     /// The model that is judged: the one given, or the one that lies with the records.

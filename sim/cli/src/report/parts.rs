@@ -8,18 +8,18 @@ use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_comm
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_identify::design::{
-    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths_with,
-    chain_phases, design, design_inverse,
+    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
+    design_inverse,
 };
 use rotorlead_identify::{
     Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify,
 };
 use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, LongRecord};
-use rotorlead_results::transform;
+use rotorlead_results::{DesignRequest, Kind, transform};
+use rotorlead_vehicle::{Purpose, Recommendation, design_options, recommend};
 
 use crate::bandwidth::RESAMPLES;
-use crate::parameters::Kind;
 use crate::{diagnose as diagnosis, progress, redesign as command};
 
 /// Where the bootstrap of measured bandwidths starts.
@@ -38,6 +38,10 @@ pub(super) struct Parts {
     pub validated: Part<Vec<RecordValidation>>,
     /// Whether a compensator may be built on it.
     pub judgement: Judgement,
+    /// What to fly; `None` where nothing can be compared.
+    pub recommendation: Option<Recommendation>,
+    /// What was to be designed.
+    pub options: Part<KindOptions>,
     pub designed: Part<Designed>,
     /// The highest `omega_g` that the model allows, where it is too slow for the paper's, rad/s.
     pub lowered_omega_g_rad_s: Option<f64>,
@@ -45,6 +49,25 @@ pub(super) struct Parts {
     pub diagnosed: Option<Part<Diagnosis>>,
     /// What `rotorlead check` finds in the records.
     pub findings: Vec<Finding>,
+}
+
+/// What to design: of that kind, or what is recommended for the purpose.
+#[derive(Clone, Copy)]
+pub(super) struct Asked {
+    pub kind: Option<Kind>,
+    pub purpose: Purpose,
+}
+
+impl Asked {
+    fn options(self, recommendation: Option<&Recommendation>, omega_g_rad_s: Option<f64>) -> Part<KindOptions> {
+        if let Some(kind) = self.kind {
+            return Ok(DesignRequest { omega_g_rad_s, ..DesignRequest::default() }.options(kind));
+        }
+        let recommendation = recommendation.ok_or("what to fly cannot be said of this model")?;
+        let choice = recommendation.of(self.purpose);
+        let none = || format!("none is recommended for {}: {}", self.purpose.words(), choice.why);
+        design_options(choice.actuator).ok_or_else(none)
+    }
 }
 
 /// A compensator, and what it was designed for.
@@ -71,7 +94,7 @@ impl Parts {
         folder: &Path,
         given: Option<&Model>,
         with_diagnosis: bool,
-        kind: Kind,
+        asked: Asked,
     ) -> miette::Result<Self> {
         let bar = progress::estimate("identifying", diagnosis::STEPS);
         let long: &[LongRecord] = &[];
@@ -88,7 +111,7 @@ impl Parts {
             }
         };
         bar.set_message("validating");
-        let Assessment { judgement, records } = assess(experiment, &model, NotCompared::default());
+        let Assessment { judgement, mut recommendation, records } = assess(experiment, &model, NotCompared::default());
         let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
@@ -121,22 +144,19 @@ impl Parts {
         };
         let is_of_steps = identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
-        let lowered_omega_g_rad_s = match kind {
-            Kind::Lead => lowered(extended.as_ref().unwrap_or(&model)),
-            Kind::Inverse => None,
+        if let Some(extended) = &extended {
+            // Whether it is a lag with what was missing in it, the redesign says.
+            recommendation = recommend(extended, None).ok();
+        }
+        let lowered_omega_g_rad_s = match asked.kind {
+            Some(Kind::Lead) => lowered(extended.as_ref().unwrap_or(&model)),
+            Some(Kind::Inverse) | None => None,
         };
-        let options = match kind {
-            Kind::Lead => {
-                let mut options = DesignOptions::default();
-                options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
-                KindOptions::Lead(options)
-            }
-            Kind::Inverse => KindOptions::Inverse(InverseOptions::default()),
-        };
+        let options = asked.options(recommendation.as_ref(), lowered_omega_g_rad_s);
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
-            match lacking.zip(extended) {
+            options.clone().and_then(|options| match lacking.zip(extended) {
                 Some((found, extended)) => {
                     let with_effects = designed_with_effects(found, extended, options, experiment);
                     match with_effects {
@@ -148,7 +168,7 @@ impl Parts {
                     }
                 }
                 None => designed(&model, options),
-            }
+            })
         };
         bar.finish_and_clear();
         let identified = identified.map_err(|error| said(&error));
@@ -157,6 +177,8 @@ impl Parts {
             model,
             validated,
             judgement,
+            recommendation,
+            options,
             designed,
             lowered_omega_g_rad_s,
             measured,

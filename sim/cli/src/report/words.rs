@@ -5,11 +5,13 @@ use std::path::Path;
 use rotorlead_answer::{Report, Section, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::Finding;
-use rotorlead_identify::design::DesignOptions;
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{DesignOptions, InverseOptions};
 use rotorlead_records::Experiment;
 use rotorlead_results::{
-    PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section, lost_gain,
-    measured_response, parameter_with_std, simulation_and_experiment, validation_section,
+    JudgementValues, PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
+    excitation_section, lost_gain, measured_response, parameter_with_std, simulation_and_experiment, to_fly,
+    validation_section,
 };
 use serde_json::{Value, json};
 
@@ -18,7 +20,6 @@ use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
 use crate::identify::sections;
 use crate::outcome::without_mark;
-use crate::parameters::Kind;
 use crate::report_option::this_command;
 use crate::report_pages;
 
@@ -30,7 +31,7 @@ impl Parts {
         Report {
             facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
             sections: self.sections(experiment),
-            commands: self.commands(&command.experiment, given, command.kind),
+            commands: self.commands(&command.experiment, given),
             verdict: self.verdict(warnings.len()),
             warnings,
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
@@ -113,6 +114,9 @@ impl Parts {
                 "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
             verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
+        if let Some(recommendation) = &self.recommendation {
+            verdicts.push(Verdict::new(Tone::Plain, "What to fly:").with(to_fly(recommendation).to_vec()));
+        }
         match &self.designed {
             Ok(Designed { design, points, phases, .. }) => {
                 let lost: Vec<String> = lost_gain(points, phases).into_iter().collect();
@@ -143,7 +147,7 @@ impl Parts {
         json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
-            "judgement": self.judgement,
+            "judgement": JudgementValues::new(&self.judgement, self.recommendation.as_ref()),
             "points": self.model.points.iter().cloned().map(PointValues).collect::<Vec<_>>(),
             "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,
@@ -158,7 +162,7 @@ impl Parts {
     }
 
     /// The report again, and each part by itself.
-    fn commands(&self, folder: &Path, given: Option<&Path>, kind: Kind) -> Vec<String> {
+    fn commands(&self, folder: &Path, given: Option<&Path>) -> Vec<String> {
         let quoted = |path: &Path| {
             let path = path.display().to_string();
             shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
@@ -170,10 +174,14 @@ impl Parts {
         }
         commands.push(format!("rotorlead validate {folder} --model {model}"));
         let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
-        let own = match (kind, self.lowered_omega_g_rad_s) {
-            (Kind::Lead, Some(omega_g)) => format!(" --omega-g {omega_g:.1}"),
-            (Kind::Lead, None) => String::new(),
-            (Kind::Inverse, _) => " --kind inverse".to_owned(),
+        let own = match (&self.options, self.lowered_omega_g_rad_s) {
+            (Ok(KindOptions::Lead(_)), Some(omega_g)) => format!(" --kind lead --omega-g {omega_g:.1}"),
+            (Ok(KindOptions::Lead(_)), None) => " --kind lead".to_owned(),
+            (Ok(KindOptions::Inverse(InverseOptions { omega_f_rad_s: Some(omega), .. })), _) => {
+                format!(" --kind inverse --natural {omega:.0}")
+            }
+            (Ok(KindOptions::Inverse(_)), _) => " --kind inverse".to_owned(),
+            (Err(_), _) => String::new(),
         };
         let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
         // Steps have their lags level by level, which the compensator is designed for with or without effects.
@@ -184,8 +192,8 @@ impl Parts {
         commands.push(format!("rotorlead diagnose {folder}{judged}"));
         if self.designed.is_ok() {
             commands.push(format!("rotorlead design --model {model}{own} --out compensator.toml"));
-            let with = if own.is_empty() { "" } else { " --compensator compensator.toml" };
-            commands.push(format!("rotorlead bandwidth --model {model}{with} --records {folder}"));
+            commands
+                .push(format!("rotorlead bandwidth --model {model} --compensator compensator.toml --records {folder}"));
         }
         commands
     }

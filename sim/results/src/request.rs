@@ -1,0 +1,171 @@
+//! What is asked of a design, and what is designed where only a purpose is known.
+
+use miette::Diagnostic;
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Setting};
+use rotorlead_plant::Model;
+use rotorlead_vehicle::{ActuatorKind, Purpose, Recommendation, VehicleError, recommend};
+use thiserror::Error;
+
+use super::design::Designed;
+
+/// What is asked of a design. What is not given is the default of the kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DesignRequest {
+    /// The kind; where none is given, that of the parameters that only one has, or else what is recommended.
+    pub kind: Option<Kind>,
+    /// Highest frequency that a lead is to amplify, rad/s.
+    pub omega_g_rad_s: Option<f64>,
+    /// Frequency at which a sampled lead matches the continuous one, rad/s.
+    pub prewarp_rad_s: Option<f64>,
+    /// Natural frequency of an inverse's reference model, rad/s.
+    pub natural_rad_s: Option<f64>,
+    /// Table of an inverse.
+    pub setting: Option<Setting>,
+    /// Lowest and highest command that the ESC gets, of an inverse, 0..1.
+    pub output_range: Option<(f64, f64)>,
+    /// Commands for which an inverse is in the path, 0..1.
+    pub compensate_range: Option<(f64, f64)>,
+    /// Damping ratio of the poles.
+    pub damping: Option<f64>,
+    /// Rate at which the filter runs, hertz.
+    pub loop_rate_hz: Option<f64>,
+    /// Most by which the ESC changes its output per second.
+    pub slew_per_s: Option<f64>,
+}
+
+/// The kinds of compensator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The paper's lead.
+    Lead,
+    /// A conditioned inverse.
+    Inverse,
+}
+
+/// What was designed for a purpose.
+pub struct Chosen {
+    /// The compensator.
+    pub designed: Designed,
+    /// What it was chosen from; `None` where its kind was asked for.
+    pub recommendation: Option<Recommendation>,
+}
+
+/// Why there is no design.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RequestError {
+    /// None is best.
+    #[error("no compensator is recommended for {purpose}: {why}")]
+    #[diagnostic(help(
+        "leave the motor as it is, or ask for a kind: the kind `lead` or `inverse` is designed all the same"
+    ))]
+    NoneRecommended {
+        /// What it would be for.
+        purpose: &'static str,
+        /// What speaks against all.
+        why: String,
+    },
+    /// The motor cannot be simulated.
+    #[error("what to fly cannot be said: {0}")]
+    #[diagnostic(help("ask for a kind, `lead` or `inverse`, or correct the model"))]
+    NotCompared(#[from] VehicleError),
+    /// The kind cannot be designed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    NotDesigned(#[from] CompensatorError),
+}
+
+impl DesignRequest {
+    /// The parameters that only one kind has, by name, and whether they are given.
+    fn of_one_kind(&self) -> [(Kind, &'static str, bool); 6] {
+        [
+            (Kind::Lead, "omega_g_rad_s", self.omega_g_rad_s.is_some()),
+            (Kind::Lead, "prewarp_rad_s", self.prewarp_rad_s.is_some()),
+            (Kind::Inverse, "natural_rad_s", self.natural_rad_s.is_some()),
+            (Kind::Inverse, "setting", self.setting.is_some()),
+            (Kind::Inverse, "output_range", self.output_range.is_some()),
+            (Kind::Inverse, "compensate_range", self.compensate_range.is_some()),
+        ]
+    }
+
+    /// The kind that is asked for, by itself or by a parameter that only one has.
+    #[must_use]
+    pub fn kind(&self) -> Option<Kind> {
+        let implied = || self.of_one_kind().into_iter().find(|(_, _, is_given)| *is_given).map(|(kind, ..)| kind);
+        self.kind.or_else(implied)
+    }
+
+    /// The first parameter that is given and that the kind asked for does not have.
+    #[must_use]
+    pub fn foreign(&self) -> Option<&'static str> {
+        let kind = self.kind()?;
+        self.of_one_kind().into_iter().find(|(of, _, is_given)| *is_given && *of != kind).map(|(_, name, _)| name)
+    }
+
+    /// The options of a kind, with the defaults for what is not given.
+    #[must_use]
+    pub fn options(&self, kind: Kind) -> KindOptions {
+        match kind {
+            Kind::Lead => {
+                let default = DesignOptions::default();
+                KindOptions::Lead(DesignOptions {
+                    omega_g_rad_s: self.omega_g_rad_s.unwrap_or(default.omega_g_rad_s),
+                    damping: self.damping.unwrap_or(default.damping),
+                    loop_rate_hz: self.loop_rate_hz.unwrap_or(default.loop_rate_hz),
+                    prewarp_rad_s: self.prewarp_rad_s,
+                    slew_per_s: self.slew_per_s,
+                })
+            }
+            Kind::Inverse => {
+                let default = InverseOptions::default();
+                KindOptions::Inverse(InverseOptions {
+                    setting: self.setting,
+                    omega_f_rad_s: self.natural_rad_s,
+                    damping: self.damping.unwrap_or(default.damping),
+                    loop_rate_hz: self.loop_rate_hz.unwrap_or(default.loop_rate_hz),
+                    range: self.output_range.unwrap_or(default.range),
+                    slew_per_s: self.slew_per_s,
+                    compensated: self.compensate_range,
+                })
+            }
+        }
+    }
+
+    /// Designs the kind that is asked for, or what is recommended for `purpose`.
+    ///
+    /// # Errors
+    /// Where none is recommended, or the kind cannot be designed.
+    pub fn design(&self, model: &Model, purpose: Purpose) -> Result<Chosen, RequestError> {
+        if let Some(kind) = self.kind() {
+            return Ok(Chosen { designed: Designed::of(model, &self.options(kind))?, recommendation: None });
+        }
+        let recommendation = recommend(model, model.judgement().map(|judgement| judgement.state))?;
+        let choice = recommendation.of(purpose);
+        let options = match choice.actuator {
+            ActuatorKind::Lead => self.options(Kind::Lead),
+            ActuatorKind::Inverse { omega_f_rad_s } => {
+                Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.options(Kind::Inverse)
+            }
+            ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
+                return Err(RequestError::NoneRecommended { purpose: purpose.words(), why: choice.why.clone() });
+            }
+        };
+        Ok(Chosen { designed: Designed::of(model, &options)?, recommendation: Some(recommendation) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_that_one_kind_has_asks_for_it() {
+        let given = DesignRequest { natural_rad_s: Some(100.0), ..DesignRequest::default() };
+        assert_eq!((given.kind(), given.foreign()), (Some(Kind::Inverse), None));
+        let both = DesignRequest { omega_g_rad_s: Some(300.0), ..given };
+        assert_eq!((both.kind(), both.foreign()), (Some(Kind::Lead), Some("natural_rad_s")));
+        let other = DesignRequest { kind: Some(Kind::Lead), ..given };
+        assert_eq!(other.foreign(), Some("natural_rad_s"));
+        assert_eq!(DesignRequest::default().kind(), None);
+    }
+}

@@ -1,0 +1,375 @@
+//! What to fly on a motor: nothing, the lead or an inverse, for a force around which no loop is closed and for a rate loop.
+//!
+//! Both are simulated with the default vehicle, its motors lags of the model's time constants and dead time and of one gain: what is
+//! compared is what the lag costs. `docs/judgement.md` has the rules.
+
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+use rotorlead_identify::Bandwidth;
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{
+    Chain, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths, chain_phases, design, design_inverse,
+};
+use rotorlead_plant::{CompensatorDesign, Model, Point, Word};
+use serde::Serialize;
+
+use crate::actuator::{Actuator, ActuatorKind};
+use crate::airframe::{Actuators, Airframe, Hover};
+use crate::response::PointResponse;
+use crate::roll::{RollAxis, peak_deg};
+use crate::rotor::Rotor;
+use crate::study::{Performance, Refused, Row};
+use crate::tuning::{TuningRule, tuned};
+use crate::worth::{Ratios, Worth};
+use crate::{TICK_HZ, VehicleError};
+
+/// Thrust over command of every motor, newtons: about that of the default vehicle's.
+const GAIN_N: f64 = 12.0;
+/// Commands of a flight over that of hover, the lowest and the highest.
+const OF_HOVER: (f64, f64) = (0.8, 1.3);
+/// From a gyro's sample to the ESC's new command, seconds.
+const LATENCY_S: f64 = 0.002;
+/// The step of the command whose rise is compared: of the size that a controller asks for all the time.
+const STEP: f64 = 0.05;
+/// From which part of the step to which the rise is counted.
+const RISE: [f64; 2] = [0.1, 0.9];
+/// How long a step is simulated, in time constants of the motor.
+const STEP_TIME_CONSTANTS: f64 = 4.0;
+/// How long the vehicle is simulated after a gust, seconds: its angle is largest long before.
+const GUST_S: f64 = 1.0;
+/// A force that rises in more than this part of the time of the bare motor is not worth a compensator.
+const WORTH_RISING: f64 = 0.8;
+
+/// What to fly, by purpose.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Recommendation {
+    /// For forces around which no loop is closed: tilted rotors, tethers, contact.
+    pub force: Choice,
+    /// For the rate loop of a multirotor.
+    pub rate_loop: Choice,
+    /// What was compared, the bare motor first.
+    #[serde(skip)]
+    pub candidates: Vec<Candidate>,
+    /// Compensators that cannot be designed from the model, and why.
+    pub refused: Vec<Refused>,
+}
+
+/// One of them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Choice {
+    /// What to put before the ESC.
+    #[serde(flatten)]
+    pub actuator: ActuatorKind,
+    /// What it gains, or why there is nothing.
+    pub why: String,
+}
+
+/// For what a motor is to be faster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A force around which no loop is closed.
+    Force,
+    /// The rate loop of a multirotor.
+    RateLoop,
+}
+
+impl Purpose {
+    /// What it is called in a sentence.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Force => "a force without a loop around it",
+            Self::RateLoop => "a rate loop",
+        }
+    }
+}
+
+/// An actuator with what it gains and what it costs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Which one.
+    pub actuator: ActuatorKind,
+    /// Bandwidth to -3 dB, the lowest of the operating points; `None` where it is beyond what is searched.
+    pub bandwidth_rad_s: Option<f64>,
+    /// Where the whole chain lags 90 degrees, the lowest of the operating points.
+    pub minus_90_rad_s: Option<f64>,
+    /// Rise of a step of 5 % of the command at hover, the slower of up and down, seconds; `None` where it does not get there.
+    pub rise_s: Option<f64>,
+    /// Whether such a step meets a limit of the command.
+    pub is_limited: bool,
+    /// The rate loop, tuned for the range of hover commands.
+    pub rate_loop: Row,
+    /// Largest gain on the noise of the command, at 15, 30 or 50 Hz.
+    pub noise_gain: f64,
+    /// Largest command over the step that asks for it.
+    pub step_peak: f64,
+}
+
+impl Recommendation {
+    /// The choice for a purpose.
+    #[must_use]
+    pub fn of(&self, purpose: Purpose) -> &Choice {
+        match purpose {
+            Purpose::Force => &self.force,
+            Purpose::RateLoop => &self.rate_loop,
+        }
+    }
+}
+
+/// What to fly on the motor of `model`, of which it was judged whether it is a lag.
+///
+/// # Errors
+/// When the model cannot be simulated.
+pub fn recommend(model: &Model, judged: Option<Word>) -> Result<Recommendation, VehicleError> {
+    let alike = |point: &Point| Point { gain: GAIN_N, gain_std: None, ..point.clone() };
+    let points: Vec<Point> = model.points.iter().map(alike).collect();
+    let lags = Model { points, static_map: None, effects: Vec::new(), ..model.clone() };
+    let case = Case { airframe: airframe(&lags), rotor: Rotor::new(&lags)?, model: &lags };
+    let inverses = Actuators::default().inverse_rad_s.into_iter();
+    let inverses = inverses.map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
+    let (mut designed, mut refused) = (vec![(ActuatorKind::None, None)], Vec::new());
+    for kind in std::iter::once(ActuatorKind::Lead).chain(inverses) {
+        match case.designed(kind) {
+            Ok(design) => designed.push((kind, design)),
+            Err(error) => refused.push(Refused { actuator: kind, reason: error.to_string() }),
+        }
+    }
+    // Of the bare motor any compensator's chain tells, where that is left out.
+    let any = designed.iter().find_map(|(_, design)| design.clone());
+    let candidate =
+        |(kind, design): (ActuatorKind, Option<CompensatorDesign>)| case.candidate(kind, design, any.as_ref());
+    let candidates: Vec<Candidate> = designed.into_par_iter().map(candidate).collect();
+    let (force, rate_loop) = if judged == Some(Word::NotALag) {
+        let why = "a compensator for a lag makes a motor worse that is none".to_owned();
+        let none = Choice { actuator: ActuatorKind::None, why };
+        (none.clone(), none)
+    } else {
+        (of_force(&candidates), of_rate_loop(&candidates))
+    };
+    Ok(Recommendation { force, rate_loop, candidates, refused })
+}
+
+/// What a design is asked for; `None` for what is not designed.
+#[must_use]
+pub fn design_options(kind: ActuatorKind) -> Option<KindOptions> {
+    match kind {
+        ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => None,
+        ActuatorKind::Lead => Some(KindOptions::Lead(DesignOptions::default())),
+        ActuatorKind::Inverse { omega_f_rad_s } => Some(KindOptions::Inverse(InverseOptions {
+            omega_f_rad_s: Some(omega_f_rad_s),
+            ..InverseOptions::default()
+        })),
+    }
+}
+
+/// The default vehicle, which hovers in the middle of the model's commands.
+fn airframe(model: &Model) -> Airframe {
+    let commands = || model.points.iter().map(|point| point.nominal);
+    let (first, last) = (commands().fold(f64::INFINITY, f64::min), commands().fold(0.0, f64::max));
+    let command = 0.5 * (first + last);
+    let range = [(OF_HOVER.0 * command).max(first), (OF_HOVER.1 * command).min(last)];
+    Airframe { hover: Hover { command, range }, ..Airframe::default() }
+}
+
+/// A motor in the vehicle.
+struct Case<'a> {
+    airframe: Airframe,
+    rotor: Rotor,
+    model: &'a Model,
+}
+
+impl Case<'_> {
+    /// What `rotorlead design` makes of the model.
+    fn designed(&self, kind: ActuatorKind) -> Result<Option<CompensatorDesign>, CompensatorError> {
+        Ok(match design_options(kind) {
+            None => None,
+            Some(KindOptions::Lead(options)) => Some(design(self.model, &options)?.into()),
+            Some(KindOptions::Inverse(options)) => Some(design_inverse(self.model, &options)?.compensator.into()),
+        })
+    }
+
+    fn candidate(
+        &self,
+        kind: ActuatorKind,
+        design: Option<CompensatorDesign>,
+        any: Option<&CompensatorDesign>,
+    ) -> Candidate {
+        let (bandwidth_rad_s, minus_90_rad_s) = self.of_chain(design.as_ref(), any);
+        let noise_gain = design
+            .as_ref()
+            .map_or(1.0, |design| design.command_noise_gain().into_iter().map(|at| at.gain).fold(0.0, f64::max));
+        let step_peak = design.as_ref().map_or(1.0, CompensatorDesign::step_peak);
+        let range = (self.airframe.actuators.min, self.airframe.actuators.max);
+        let actuator = match design {
+            None => Actuator::bare(range),
+            Some(design) => Actuator::compensated(kind, design, range),
+        };
+        let [up, down] = [STEP, -STEP].map(|step| self.step(&actuator, step));
+        Candidate {
+            actuator: kind,
+            bandwidth_rad_s,
+            minus_90_rad_s,
+            rise_s: up.rise_s.zip(down.rise_s).map(|(up, down)| up.max(down)),
+            is_limited: up.is_limited || down.is_limited,
+            rate_loop: self.rate_loop(&actuator),
+            noise_gain,
+            step_peak,
+        }
+    }
+
+    /// The lowest bandwidth of the operating points, and the lowest frequency at which the chain lags 90 degrees: with `design`, or
+    /// without one.
+    fn of_chain(
+        &self,
+        design: Option<&CompensatorDesign>,
+        any: Option<&CompensatorDesign>,
+    ) -> (Option<f64>, Option<f64>) {
+        let Some(of) = design.or(any) else { return (None, None) };
+        let chain = Chain::Designed(of);
+        let points = bandwidths(self.model, chain);
+        let phases = chain_phases(self.model, &[], chain, &Latency::standard(of.loop_rate_hz()), &points);
+        let lowest = points.iter().zip(&phases).map(|(point, phase)| match design {
+            Some(_) => (point.compensated, phase.compensated.minus_90),
+            None => (point.uncompensated, phase.uncompensated.minus_90),
+        });
+        let least = |a: Option<f64>, b: Bandwidth| a.into_iter().chain(b.rad_s()).reduce(f64::min);
+        lowest.fold((None, None), |least_of, here| (least(least_of.0, here.0), least(least_of.1, here.1)))
+    }
+
+    /// A step of the command at hover.
+    fn step(&self, actuator: &Actuator, step: f64) -> Step {
+        let hover = self.airframe.hover.command;
+        let (low, high) = (self.airframe.actuators.min, self.airframe.actuators.max);
+        let ticks = (STEP_TIME_CONSTANTS / self.rotor.pole_rad_s(hover) * TICK_HZ).ceil() as usize;
+        let mut running = actuator.started(hover);
+        let mut v = hover;
+        let mut is_limited = false;
+        let mut reached = [None; 2];
+        for tick in 0..ticks {
+            let command = running.update(hover + step, v);
+            is_limited |= command <= low || command >= high;
+            v = self.rotor.advanced(v, command, 1.0 / TICK_HZ);
+            for (when, part) in reached.iter_mut().zip(RISE) {
+                if (v - hover) / step >= part {
+                    when.get_or_insert(tick);
+                }
+            }
+        }
+        let [from, to] = reached;
+        Step { rise_s: from.zip(to).map(|(from, to)| (to - from) as f64 / TICK_HZ), is_limited }
+    }
+
+    /// The rate loop, with one gain set for the range of hover commands.
+    fn rate_loop(&self, actuator: &Actuator) -> Row {
+        let (airframe, rotor) = (&self.airframe, &self.rotor);
+        let [low, high] = airframe.hover.range;
+        let nominals = [low, airframe.hover.command, high];
+        let points = nominals.map(|nominal| PointResponse::new(airframe, rotor, actuator, nominal, LATENCY_S));
+        let gains = tuned(&points, airframe.controller.integral_time_s, true, &TuningRule::default());
+        let of = |gains| {
+            let each = nominals.into_iter().zip(&points).map(|(nominal, point)| {
+                let axis = RollAxis { airframe, rotor, actuator, nominal, latency_s: LATENCY_S, gains };
+                Performance {
+                    gains,
+                    margins: point.margins(gains.rate()),
+                    disturbance_peak_deg: peak_deg(&axis.disturbed(GUST_S)),
+                    settling_s: None,
+                    disturbed: Vec::new(),
+                }
+            });
+            each.reduce(Performance::worse)
+        };
+        Row { actuator: actuator.kind, performance: gains.and_then(of) }
+    }
+}
+
+/// What became of a step.
+struct Step {
+    rise_s: Option<f64>,
+    is_limited: bool,
+}
+
+/// What lets a force rise soonest and leaves the step of the command room at hover.
+fn of_force(candidates: &[Candidate]) -> Choice {
+    let none = |why: String| Choice { actuator: ActuatorKind::None, why };
+    let Some(bare_s) = candidates.first().and_then(|bare| bare.rise_s) else {
+        return none("a step of the bare motor does not rise within its range of commands".to_owned());
+    };
+    let fast = candidates[1..].iter().filter_map(|one| Some((one, one.rise_s?)));
+    let worth = fast.filter(|(one, rise_s)| !one.is_limited && *rise_s < WORTH_RISING * bare_s);
+    match worth.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((best, rise_s)) => Choice {
+            actuator: best.actuator,
+            why: format!(
+                "a step of {:.0} % rises in {:.0} ms instead of {:.0}, without a limit of the command",
+                100.0 * STEP,
+                1e3 * rise_s,
+                1e3 * bare_s
+            ),
+        },
+        None => none(format!(
+            "none lets a step of {:.0} % rise much sooner than in the {:.0} ms of the bare motor without meeting a limit",
+            100.0 * STEP,
+            1e3 * bare_s
+        )),
+    }
+}
+
+/// What is better than none by the rule of `rotorlead vehicle`, and has the highest bandwidth.
+fn of_rate_loop(candidates: &[Candidate]) -> Choice {
+    let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
+    let better = others.iter().map(|one| &one.rate_loop);
+    let better = better.filter(|row| row.worth(&bare.rate_loop) == Some(Worth::Better));
+    let bandwidth = |row: &&Row| row.performance.as_ref().map_or(0.0, |found| found.margins.bandwidth_rad_s);
+    match better.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {
+        Some(best) => Choice {
+            actuator: best.actuator,
+            why: match best.ratios(&bare.rate_loop) {
+                Some(Ratios { bandwidth, disturbance_peak, .. }) => format!(
+                    "tuned again, the loop has {bandwidth:.1} times the bandwidth, and a gust turns the vehicle \
+                     {disturbance_peak:.1} times as far"
+                ),
+                None => "there are gains that keep the margins, where the bare motor has none".to_owned(),
+            },
+        },
+        None => Choice {
+            actuator: ActuatorKind::None,
+            why: "none makes the loop better in bandwidth and against gusts, tuned again to the same margins"
+                .to_owned(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_plant::testing::{model, table_1};
+
+    use super::*;
+
+    #[test]
+    fn the_papers_motor_flies_with_an_inverse() {
+        let found = recommend(&table_1(), None).unwrap();
+        assert_eq!(found.candidates.len() + found.refused.len(), 5);
+        // The fastest one takes the command to its limit at a step of 5 %.
+        assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 150.0 });
+        assert!(found.candidates[4].is_limited && !found.candidates[3].is_limited);
+        assert_eq!(found.rate_loop.actuator, ActuatorKind::Inverse { omega_f_rad_s: 200.0 });
+        let bare = &found.candidates[0];
+        let hover = 0.5 * (0.4 + 0.65);
+        let tau_s = 1.0 / Rotor::new(&table_1()).unwrap().pole_rad_s(hover);
+        assert!((bare.rise_s.unwrap() / (tau_s * 9.0_f64.ln()) - 1.0).abs() < 0.15, "{:?}", bare.rise_s);
+    }
+
+    #[test]
+    fn nothing_is_flown_on_what_is_no_lag() {
+        let found = recommend(&table_1(), Some(Word::NotALag)).unwrap();
+        assert_eq!((found.force.actuator, found.rate_loop.actuator), (ActuatorKind::None, ActuatorKind::None));
+    }
+
+    #[test]
+    fn the_loop_around_a_motor_that_is_fast_needs_nothing() {
+        let fast = model(&[(0.3, 8.0, 0.004, 0.0), (0.6, 8.0, 0.004, 0.0)]);
+        let found = recommend(&fast, None).unwrap();
+        assert_eq!(found.rate_loop.actuator, ActuatorKind::None, "{:?}", found.rate_loop);
+        assert_eq!(found.refused.len(), 3, "no inverse makes it slower");
+    }
+}
