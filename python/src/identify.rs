@@ -36,7 +36,7 @@ pub fn identify<'py>(
     let output = output.map(|output| one_of("output", output, &outputs)).transpose()?;
     out.as_deref().map_or(Ok(()), |out| read(check_writable(out)))?;
     let records = Records::of(&data, output)?;
-    let found = interrupt::run(py, move || {
+    let (answer, model) = interrupt::run(py, move || {
         let nothing = format!("nothing was identified from `{}`", records.name());
         let (mut experiment, long) = records.read_leaving_long()?;
         if let Some(output) = output {
@@ -56,9 +56,9 @@ pub fn identify<'py>(
         let found =
             IdentifyResult::of(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
         out.map_or(Ok(()), |out| found.identification.model.write(&out))?;
-        Ok(found)
+        Ok((found.answer(&experiment).json(), found.identification.model))
     })?;
-    let dict = to_dict(py, &found.values())?;
-    dict.set_item("model", to_dict(py, &found.identification.model)?)?;
+    let dict = to_dict(py, &answer)?;
+    dict.set_item("model", to_dict(py, &model)?)?;
     Ok(dict)
 }

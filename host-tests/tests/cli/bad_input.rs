@@ -11,7 +11,7 @@ const READ_EXPERIMENT: [&str; 2] = ["identify stand --out found.toml", "validate
 
 /// Commands that read a model.
 const READ_MODEL: [&str; 6] = [
-    "design --model model.toml --out c.toml",
+    "design --kind lead --model model.toml --out c.toml",
     "bandwidth --model model.toml",
     "simulate --model model.toml --out sim",
     "validate stand --model model.toml",
@@ -22,7 +22,7 @@ const READ_MODEL: [&str; 6] = [
 /// A stand that also has a compensator, `c.toml`.
 fn with_compensator() -> Stand {
     let stand = Stand::new();
-    stand.run("design --model model.toml --out c.toml");
+    stand.run("design --kind lead --model model.toml --out c.toml");
     stand
 }
 
@@ -34,7 +34,7 @@ fn a_missing_file_is_named() {
         ("identify . --out found.toml", "experiment.toml` does not exist"),
         ("validate nowhere --model model.toml", "`nowhere` does not exist"),
         ("validate stand --model nowhere.toml", "`nowhere.toml` does not exist"),
-        ("design --model nowhere.toml --out c.toml", "`nowhere.toml` does not exist"),
+        ("design --kind lead --model nowhere.toml --out c.toml", "`nowhere.toml` does not exist"),
         ("bandwidth --model nowhere.toml", "`nowhere.toml` does not exist"),
         ("bandwidth --model model.toml --compensator nowhere.toml", "`nowhere.toml` does not exist"),
         ("simulate --model nowhere.toml --out sim", "`nowhere.toml` does not exist"),
@@ -63,7 +63,7 @@ fn another_kind_of_file_is_named_and_no_key_of_it_is_to_be_removed() {
     let airframe = ["and an airframe is needed", "`docs/vehicle.md` has one"];
     let plan = ["and a plan is needed", "`rotorlead new` writes a plan"];
     for (arguments, is, needed) in [
-        ("design --model c.toml --out x.toml", "this is a compensator", model),
+        ("design --kind lead --model c.toml --out x.toml", "this is a compensator", model),
         ("bandwidth --model plan.toml", "this is a plan", model),
         ("vehicle --airframe model.toml", "this is a model", airframe),
         ("vehicle --model airframe.toml", "this is an airframe", model),
@@ -80,7 +80,11 @@ fn gains_of_both_signs_are_not_designed_from() {
     let stand = Stand::new();
     let last = MODEL.rfind("gain = ").unwrap() + "gain = ".len();
     stand.write("model.toml", format!("{}-{}", &MODEL[..last], &MODEL[last..]));
-    stand.refuses("design --model model.toml --out c.toml", 1, &["wrong sign", "turn the sign", "rotorlead check"]);
+    stand.refuses(
+        "design --kind lead --model model.toml --out c.toml",
+        1,
+        &["wrong sign", "turn the sign", "rotorlead check"],
+    );
 }
 
 #[test]
@@ -341,7 +345,7 @@ fn a_destination_that_is_in_the_way_or_nowhere_is_refused() {
         stand.refuses(&into("plan.toml"), 1, &["`plan.toml` is not a folder"]);
         stand.refuses(&into("."), 1, &["`.`", "name of a new folder"]);
     }
-    for arguments in ["identify stand", "design --model model.toml", "excite --band 0.1..2 --rate 100"] {
+    for arguments in ["identify stand", "design --kind lead --model model.toml", "excite --band 0.1..2 --rate 100"] {
         let into = |out: &str| format!("{arguments} --out {out}");
         stand.refuses(&into("no/where.toml"), 1, &["`no/where.toml`", "there is no folder `no`"]);
         stand.refuses(&into("stand"), 1, &["`stand` is a folder, not a file", "name of a file"]);
@@ -356,7 +360,7 @@ fn json_that_cannot_be_written_is_said_before_anything_else_is() {
     for arguments in [
         "identify stand --out found.toml",
         "validate stand --model model.toml",
-        "design --model model.toml --out c.toml",
+        "design --kind lead --model model.toml --out c.toml",
         "bandwidth --model model.toml",
         "vehicle",
         "simulate --model model.toml --out sim",
@@ -368,7 +372,11 @@ fn json_that_cannot_be_written_is_said_before_anything_else_is() {
         stand.refuses(&json("no/where.json"), 1, &["`no/where.json`", "there is no folder `no`"]);
         stand.refuses(&json("stand"), 1, &["`stand` is a folder, not a file"]);
     }
-    stand.refuses("design --model model.toml --out c.toml --json c.toml", 2, &["--json and --out", "`c.toml`"]);
+    stand.refuses(
+        "design --kind lead --model model.toml --out c.toml --json c.toml",
+        2,
+        &["--json and --out", "`c.toml`"],
+    );
 }
 
 #[test]
@@ -400,8 +408,8 @@ fn options_that_make_no_sense_are_wrong_use() {
         ("identify stand", "--out"),
         ("validate stand", "--model"),
         ("design --model model.toml --out c.toml --omega-g -5", "above 0"),
-        ("design --model model.toml --out c.toml --loop-rate 0", "above 0"),
-        ("design --model model.toml --out c.toml --damping nan", "above 0"),
+        ("design --kind lead --model model.toml --out c.toml --loop-rate 0", "above 0"),
+        ("design --kind lead --model model.toml --out c.toml --damping nan", "above 0"),
         ("design --model model.toml --out c.toml --prewarp inf", "above 0"),
         ("bandwidth --model model.toml --lead 1,2", "three numbers"),
         ("bandwidth --model model.toml --lead -1,20,0.7", "above 0"),
@@ -418,8 +426,8 @@ fn options_that_make_no_sense_are_wrong_use() {
         ("design --model model.toml --out c.toml --kind pid", "[possible values: lead, inverse]"),
         ("design --model model.toml --out c.toml --kind inverse --omega-g 9", "change --kind"),
         ("design --model model.toml --out c.toml --kind inverse --prewarp 9", "change --kind"),
-        ("design --model model.toml --out c.toml --natural 100", "change --kind"),
-        ("design --model model.toml --out c.toml --setting robust", "change --kind"),
+        ("design --model model.toml --out c.toml --kind lead --natural 100", "change --kind"),
+        ("design --model model.toml --out c.toml --omega-g 300 --setting robust", "change --kind"),
         ("design --model model.toml --out c.toml --kind inverse --slew 0", "above 0"),
         ("design --model model.toml --out c.toml --kind inverse --output-range 0.5..0.2", "LOW below HIGH"),
         ("design --model model.toml --out c.toml --kind inverse --compensate-range 0.2..1.5", "from 0 to 1"),

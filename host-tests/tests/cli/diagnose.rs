@@ -103,7 +103,7 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
 fn reported(effect: &str) -> (Value, String) {
     let folder = tempfile::tempdir().unwrap();
     stand(folder.path(), effect);
-    run(folder.path(), "report stand --out r.html --json r.json");
+    run(folder.path(), "report stand --kind lead --out r.html --json r.json");
     (json(folder.path(), "r.json"), fs::read_to_string(folder.path().join("r.html")).unwrap())
 }
 
@@ -145,7 +145,7 @@ fn a_report_on_a_motor_too_slow_for_the_papers_lead_has_the_most_that_it_allows_
     let slow = POINTS.replace("0.1076554", "0.1593422").replace("0.0707839", "0.12");
     fs::write(folder.join("slow.toml"), slow).unwrap();
     run(folder, "simulate --model slow.toml --plan plan.toml --out stand");
-    let said = run(folder, "report stand --no-diagnosis --out report.html --json report.json");
+    let said = run(folder, "report stand --kind lead --no-diagnosis --out report.html --json report.json");
     assert!(said.contains("Predicted bandwidth") && !said.contains("No compensator"), "{said}");
     let page = fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(page.contains("lower than the paper's 628.3"));
@@ -207,7 +207,7 @@ fn where_nothing_is_missing_the_redesign_is_what_design_and_bandwidth_give() {
         "diagnose stand --redesign --out-model m.toml --out-compensator c.toml --out-plan next.toml --json out.json",
     );
     assert!(said.contains("No further experiment needed: no plan is written"), "{said}");
-    run(folder, "design --model m.toml --out d.toml");
+    run(folder, "design --kind lead --model m.toml --out d.toml");
     assert_eq!(fs::read(folder.join("c.toml")).unwrap(), fs::read(folder.join("d.toml")).unwrap());
     run(folder, "bandwidth --model m.toml --json bandwidth.json");
     let redesign = json(folder, "out.json")["redesign"].take();

@@ -37,7 +37,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn the_gap_of_the_papers_table_shrinks_on_the_column_that_was_held_out() {
     let stand = with_table();
-    stand.run("design --model paper.toml --out c.toml");
+    stand.run("design --kind lead --model paper.toml --out c.toml");
     let found = stand.json(&format!("{DIAGNOSE} --compensator c.toml --out-model improved.toml"));
     assert_eq!(found["verdict"], "partly_named");
     assert_eq!(
@@ -70,7 +70,7 @@ fn the_gap_of_the_papers_table_shrinks_on_the_column_that_was_held_out() {
         sum += (measured / number(&point["compensated_rad_s"])).ln().powi(2);
     }
     assert!(((sum / 6.0).sqrt() - number(&found["gap"]["after"])).abs() < 1e-9);
-    stand.run("design --model improved.toml --out c2.toml");
+    stand.run("design --kind lead --model improved.toml --out c2.toml");
     stand.run("simulate --model improved.toml --plan plan.toml --out sim");
 }
 

@@ -35,7 +35,7 @@ const COMMANDS: [(&str, &str); 9] = [
     ("identify stand --out found.toml", "stand/experiment.toml"),
     ("identify stand --out found.toml", "stand/step.csv"),
     ("validate stand --model model.toml", "stand/step.csv"),
-    ("design --model model.toml --out c.toml", "model.toml"),
+    ("design --kind lead --model model.toml --out c.toml", "model.toml"),
     ("bandwidth --model model.toml", "model.toml"),
     ("bandwidth --model model.toml --compensator spoiled.toml", "spoiled.toml"),
     ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml"),
@@ -59,7 +59,7 @@ fn random_files_are_refused_and_named() {
 fn one_damaged_byte_in_a_good_file_is_refused_and_named() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
     for (arguments, spoiled, good) in [
-        ("design --model model.toml --out c.toml", "model.toml", MODEL),
+        ("design --kind lead --model model.toml --out c.toml", "model.toml", MODEL),
         ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml", PLAN),
         ("vehicle --airframe airframe.toml --model model.toml", "airframe.toml", AIRFRAME),
     ] {

@@ -38,7 +38,7 @@ fn a_simulated_stand_is_identified_compensated_and_predicted() {
     // The plan's noise leaves a standard error of 0.4 % of the time constant: three of them.
     near(number(point, "time_constant_s"), 0.06, 0.015);
     near(number(point, "gain"), 7.1, 0.015);
-    let compensator = stand.json("design --model found.toml --out c.toml");
+    let compensator = stand.json("design --kind lead --model found.toml --out c.toml");
     near(number(&compensator, "zero_rad_s") * number(point, "time_constant_s"), 1.0, 1e-12);
     let with_file = stand.json("bandwidth --model found.toml --compensator c.toml");
     let without = stand.json("bandwidth --model found.toml");
@@ -67,7 +67,7 @@ fn a_log_is_imported_identified_compensated_and_predicted() {
         assert_eq!(number(point, "nominal"), nominal);
         // How the samples were made; the rows are 7 and 10 ms apart.
         near(number(point, "time_constant_s"), time_constant_s, 0.02);
-        stand.run("design --model found.toml --out c.toml");
+        stand.run("design --kind lead --model found.toml --out c.toml");
         let bandwidth = stand.json("bandwidth --model found.toml --compensator c.toml");
         let bandwidth = &bandwidth["points"][0];
         assert!(number(bandwidth, "compensated_rad_s") > 4.0 * number(bandwidth, "uncompensated_rad_s"));
@@ -177,7 +177,7 @@ fn text_and_json_give_the_same_numbers() {
         let row = text.lines().find(|line| line.contains(file)).unwrap();
         assert!(row.contains(&format!("{:.2}", number(record, "fit_percent"))), "{row}");
     }
-    let text = stand.run("design --model found.toml --out c.toml --json d.json");
+    let text = stand.run("design --kind lead --model found.toml --out c.toml --json d.json");
     let json: Value = serde_json::from_str(&stand.read("d.json")).unwrap();
     assert!(text.contains(&format!("{:.4}", number(&json, "zero_rad_s"))));
     assert!(text.contains(&format!("{:.4}", number(&json, "pole_rad_s"))));
@@ -190,7 +190,7 @@ fn verbose_adds_the_detail_below_and_json_has_it_in_any_case() {
     for (command, detail) in [
         ("identify sim --out found.toml", "Noise and distortion"),
         ("validate sim --model found.toml", "Fit of each record"),
-        ("design --model found.toml --out c.toml", "pole radius"),
+        ("design --kind lead --model found.toml --out c.toml", "pole radius"),
     ] {
         let (short, json) = (stand.run(&format!("{command} --json a.json")), stand.read("a.json"));
         let long = stand.run(&format!("{command} --json b.json --verbose"));
@@ -342,7 +342,7 @@ fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
     let stand = Stand::new();
     stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.0\ntime_constant_s = 0.11\n");
     let design = |options: &str| stand.command(&format!("design --model slow.toml --out c.toml {options}")).assert();
-    let message = report(&design("").code(1));
+    let message = report(&design("--kind lead").code(1));
     assert_eq!(message.matches("the L1 gain is").count(), 1, "said once:\n{message}");
     let allowed = message.split("allows is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a remedy");
     design(&format!("--omega-g {allowed}")).success();
@@ -355,9 +355,9 @@ fn a_design_on_a_badly_known_pole_says_so_and_where() {
     let point = "[[point]]\nnominal = 0.6\ngain = 7.5\ntime_constant_s = 0.05\ntime_constant_s_std = ";
     for (std, warnings) in [("0.004", 0), ("0.006", 1)] {
         stand.write("model.toml", format!("{}{point}{std}\n", crate::stand::MODEL));
-        let json = stand.json("design --model model.toml --out c.toml");
+        let json = stand.json("design --kind lead --model model.toml --out c.toml");
         assert_eq!(json["warnings"].as_array().unwrap().len(), warnings, "{json:#}");
-        let text = stand.run("design --model model.toml --out c.toml");
+        let text = stand.run("design --kind lead --model model.toml --out c.toml");
         assert!(text.contains("u_nom 0.600 +- "), "{text}");
         assert_eq!(text.contains("warning: the zero stands on the pole at u_nom 0.600"), warnings == 1, "{text}");
     }
@@ -366,7 +366,7 @@ fn a_design_on_a_badly_known_pole_says_so_and_where() {
 #[test]
 fn the_bandwidth_rises_on_compensated_records_as_predicted() {
     let stand = Stand::new();
-    stand.run("design --model model.toml --out compensator.toml");
+    stand.run("design --kind lead --model model.toml --out compensator.toml");
     stand.run("simulate --model model.toml --plan plan.toml --out before");
     stand.run("simulate --model model.toml --plan plan.toml --compensator compensator.toml --out after");
     let command = "bandwidth --model model.toml --compensator compensator.toml --records before --records after";

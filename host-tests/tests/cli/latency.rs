@@ -94,7 +94,7 @@ fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
     let stand = late(0.036);
     let json = stand.json("bandwidth --model model.toml");
     let fast = &json["points"][1];
-    for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+    for command in ["design --kind lead --model model.toml --out c.toml", "bandwidth --model model.toml"] {
         let warnings = stand.json(command)["warnings"].clone();
         let [Value::String(warning)] = warnings.as_array().unwrap().as_slice() else { panic!("{warnings}") };
         let bandwidth = number(fast, "compensated_rad_s");
@@ -118,7 +118,7 @@ fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
         "model.toml",
         format!("{MODEL}[[effect]]\nkind = \"transport_delay\"\nparameters = {{ delay_s = 0.036 }}\n"),
     );
-    let same = stand.json("design --model model.toml --out c.toml");
+    let same = stand.json("design --kind lead --model model.toml --out c.toml");
     assert_eq!(same["warnings"].as_array().unwrap().len(), 1);
     let (a, b) = (number(&same["points"][1], "compensated_phase_deg"), number(fast, "compensated_phase_deg"));
     assert!((a - b).abs() < 1e-6, "{a} and {b}");
@@ -148,7 +148,7 @@ fn the_papers_motors_get_no_warning_with_any_protocol() {
         "--input-protocol oneshot125 --output-frame 2000",
         "--input-protocol raw_duty",
     ] {
-        for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+        for command in ["design --kind lead --model model.toml --out c.toml", "bandwidth --model model.toml"] {
             let json = stand.json(&format!("{command} {options}"));
             assert_eq!(json["warnings"], Value::Array(Vec::new()), "{options}");
         }
@@ -187,14 +187,14 @@ fn the_latency_is_that_of_the_pulses_that_are_given() {
         );
     }
     // A compensator brings its own loop.
-    stand.run("design --model model.toml --loop-rate 10000 --out c.toml");
+    stand.run("design --kind lead --model model.toml --loop-rate 10000 --out c.toml");
     assert_eq!(latency("--compensator c.toml"), latency("--loop-rate 10000"));
 }
 
 #[test]
 fn pulses_that_a_controller_refuses_are_wrong_use() {
     let stand = Stand::new();
-    for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+    for command in ["design --kind lead --model model.toml --out c.toml", "bandwidth --model model.toml"] {
         for (options, parts) in [
             ("--input-protocol dshot1200", &["--input-protocol", "standard_pwm", "oneshot125", "raw_duty"][..]),
             ("--input-frame 500", &["input.frame_hz", "2000 us", "use 495 Hz or less", "--input-frame"]),
@@ -216,7 +216,7 @@ fn a_real_log_with_32_ms_of_dead_time_is_warned_of_and_one_with_none_is_not() {
         let mut import = stand.command("import --out log --excitation staircase");
         import.arg(file).args(columns).assert().code(0);
         stand.run("identify log --out found.toml");
-        Some(stand.json("design --model found.toml --out c.toml"))
+        Some(stand.json("design --kind lead --model found.toml --out c.toml"))
     };
     let warnings = |json: &Value| {
         let all = json["warnings"].as_array().unwrap().iter().map(|warning| warning.as_str().unwrap().to_owned());

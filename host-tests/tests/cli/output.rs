@@ -142,7 +142,7 @@ fn nothing_but_json_is_on_standard_output_of_any_command() {
         "simulate --model model.toml --plan plan.toml --out sim",
         "identify sim --out found.toml",
         "validate sim --model found.toml",
-        "design --model found.toml --out c.toml",
+        "design --kind lead --model found.toml --out c.toml",
         "bandwidth --model found.toml --compensator c.toml",
         "excite --band 0.1..2 --rate 100 --starts 1",
         &format!("import {log} --out imported"),

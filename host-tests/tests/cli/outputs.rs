@@ -13,7 +13,7 @@ fn simulated() -> Stand {
 #[test]
 fn no_output_takes_the_place_of_what_is_read() {
     let stand = simulated();
-    stand.run("design --model model.toml --out sim/lead.toml");
+    stand.run("design --kind lead --model model.toml --out sim/lead.toml");
     stand.edit(
         "sim/experiment.toml",
         "role = \"validate\"",

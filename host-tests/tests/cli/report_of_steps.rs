@@ -16,7 +16,7 @@ fn a_report_on_steps_has_the_numbers_of_the_single_commands() {
             values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), value| (low.min(value), high.max(value)))
         };
         let (without, with) = (extent("uncompensated_rad_s"), extent("compensated_rad_s"));
-        stand.run("report log --out r.html --json r.json");
+        stand.run("report log --kind lead --out r.html --json r.json");
         let report: serde_json::Value = serde_json::from_str(&stand.read("r.json")).unwrap();
         let said = report["sentences"].to_string();
         let expected = format!(

@@ -136,14 +136,14 @@ fn numbers_out_of_their_range_are_refused_where_they_stand() {
             "model.toml",
             "time_constant_s = 0.08",
             "time_constant_s = 0.08\ndelay_s = 1e308",
-            "design --model model.toml --out c.toml",
+            "design --kind lead --model model.toml --out c.toml",
             ["model.toml:6:", "0 to 100"],
         ),
         (
             "model.toml",
             "gain = 6.2",
             "gain = 1e300",
-            "design --model model.toml --out c.toml",
+            "design --kind lead --model model.toml --out c.toml",
             ["model.toml:4:", "1e300"],
         ),
         (
@@ -235,8 +235,8 @@ fn what_is_as_long_as_a_file_is_quoted_in_part() {
     let long = "x".repeat(3_000_000);
     let stand = Stand::new();
     for (file, text, command) in [
-        ("model.toml", format!("format = 1\n{long} = 1\n"), "design --model model.toml --out c.toml"),
-        ("model.toml", format!("format = 1\n# {long}{long}\n"), "design --model model.toml --out c.toml"),
+        ("model.toml", format!("format = 1\n{long} = 1\n"), "design --kind lead --model model.toml --out c.toml"),
+        ("model.toml", format!("format = 1\n# {long}{long}\n"), "design --kind lead --model model.toml --out c.toml"),
         ("stand/step.csv", format!("time_s,command,{long}\n0,0,0\n1,0,0\n"), "identify stand --out found.toml"),
         ("stand/step.csv", format!("time_s,command,thrust_n\n0,0,{long}\n"), "identify stand --out found.toml"),
         (
@@ -255,7 +255,7 @@ fn what_is_as_long_as_a_file_is_quoted_in_part() {
 #[test]
 fn a_device_without_an_end_is_read_no_further_than_a_file_may_be_long() {
     let stand = Stand::new();
-    ends_well(&stand, "design --model /dev/zero --out c.toml");
+    ends_well(&stand, "design --kind lead --model /dev/zero --out c.toml");
 }
 
 #[test]

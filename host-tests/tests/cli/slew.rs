@@ -7,8 +7,8 @@ use crate::stand::Stand;
 #[test]
 fn a_lead_has_the_slew_limit_that_is_given_and_none_otherwise() {
     let stand = Stand::new();
-    let free = stand.json("design --model model.toml --out free.toml");
-    let limited = stand.json("design --slew 1 --model model.toml --out limited.toml");
+    let free = stand.json("design --kind lead --model model.toml --out free.toml");
+    let limited = stand.json("design --kind lead --slew 1 --model model.toml --out limited.toml");
     assert_eq!((&free["slew_per_s"], &limited["slew_per_s"]), (&Value::Null, &1.0.into()));
     assert_eq!(free["coefficients"], limited["coefficients"]);
     assert!(!stand.read("free.toml").contains("slew_per_s"));

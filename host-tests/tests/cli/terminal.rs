@@ -105,7 +105,7 @@ fn one_file_for_two_outputs_is_refused() {
         "validate sim --model model.toml",
         "identify sim --out m.toml",
         "bandwidth --model model.toml",
-        "design --model model.toml --out c.toml",
+        "design --kind lead --model model.toml --out c.toml",
         "diagnose sim",
         "excite --band 0.1..2 --rate 100 --starts 1",
     ] {
@@ -126,7 +126,7 @@ fn what_is_read_is_not_written_over() {
         "identify sim --out sim/experiment.toml",
         "diagnose sim --out-model ./sim/../sim/u050_multisine.csv",
         "validate sim --model model.toml --report model.toml",
-        "design --model model.toml --out model.toml",
+        "design --kind lead --model model.toml --out model.toml",
         "simulate --model model.toml --plan plan.toml --out other --json plan.toml",
     ] {
         stand.refuses(arguments, 2, &["written over", "name another file"]);

@@ -1,11 +1,14 @@
 //! An answer for people as data: tables, figures and the report that holds them, and their form in text and in CSV. It knows
 //! nothing of what is shown, and nothing of how a page or a picture is made.
 
+mod answer;
 pub mod escape;
 mod figure;
 mod report;
 mod table;
+pub mod words;
 
+pub use answer::{Answer, Text};
 pub use figure::{Axis, Beside, Color, Figure, FigureKind, HeatCell, HeatMap, Mark, Panel, Scale, Series};
 pub use report::{Fact, Report, Section, Tone, Verdict};
-pub use table::{Cell, Column, Table};
+pub use table::{Cell, Column, Datum, Table, Typed, Unit, Weight, table_of, with_std};

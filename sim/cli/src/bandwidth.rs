@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
-use rotorlead_answer::{Fact, Report, Table};
-use rotorlead_identify::design::{BandwidthPoint, Chain, ChainPhase, StepPoint, bandwidths_with, chain_phases, steps};
+use rotorlead_answer::{Fact, Report};
+use rotorlead_identify::design::{Chain, StepPoint, bandwidths_with, chain_phases, steps};
 use rotorlead_identify::{
     IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
 };
@@ -24,10 +24,11 @@ use serde_json::Value;
 
 use super::deviations::{self, Deviations};
 use super::latency::{LatencyArguments, counted_delays, counted_holds};
-use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
+use super::outcome::{JsonOption, Outcome, without_mark};
 use super::parameters::{DesignArguments, number};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
+use rotorlead_answer::words::paragraph;
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 pub const RESAMPLES: usize = 1000;
@@ -124,7 +125,7 @@ impl Bandwidth {
             self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let warnings: Vec<String> = judged(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
-        let mut text = predicted(&points, &phases).text();
+        let mut text = bandwidth_table(&points, &phases).text();
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_holds(&latency, chain, &phases));
         text.push_str(&counted_effects(&effects));
@@ -215,19 +216,6 @@ impl Bandwidth {
         }
         Ok((measured, all))
     }
-}
-
-/// The predicted bandwidths and phases, without and then with the compensator.
-pub fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
-    bandwidth_table(points, phases).select(&[
-        "u_nom",
-        "uncompensated_rad_s",
-        "uncompensated_phase_deg",
-        "uncompensated_minus_90_rad_s",
-        "compensated_rad_s",
-        "compensated_phase_deg",
-        "compensated_minus_90_rad_s",
-    ])
 }
 
 /// What of the model's effects is in the bandwidths; nothing for a model without any.

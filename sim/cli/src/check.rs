@@ -7,13 +7,14 @@ use clap::Args;
 use miette::Diagnostic;
 use rotorlead_identify::check::{Findings, RecordFault, of_lag, of_record};
 use rotorlead_identify::stand::{StandOptions, identify_stand};
-use rotorlead_identify::{Finding, IdentifyOptions, Severity, Topic, identify};
-use rotorlead_records::{Excitation, Experiment, Inspection, Role, Unreadable};
+use rotorlead_identify::{IdentifyOptions, identify};
+use rotorlead_records::{Excitation, Experiment, Finding, Inspection, Role, Severity, Topic, Unreadable};
 use serde_json::json;
 use thiserror::Error;
 
-use super::outcome::{JsonOption, Outcome, Verbosity, paragraph};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::progress;
+use rotorlead_answer::words::paragraph;
 
 /// Says what is wrong with an experiment's folder, before anything is made of it
 ///

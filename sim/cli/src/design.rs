@@ -11,17 +11,19 @@ use rotorlead_identify::design::{DesignedInverse, MOST_OVER_REFERENCE};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
 use rotorlead_results::{
-    Chosen, DesignResult, Designed, bandwidth_section, curve_table, design_section, design_table, discrete_table,
-    inverse_equation, inverse_table, recommendation_table, refused, setting_name, to_fly, transfer_function,
+    Chosen, DesignResult, Designed, bandwidth_section, bandwidth_table, curve_table, design_section, design_table,
+    discrete_table, inverse_equation, inverse_table, recommendation_table, refused, setting_name, to_fly,
+    transfer_function,
 };
 use rotorlead_vehicle::Recommendation;
 
-use super::bandwidth::{counted_effects, predicted};
+use super::bandwidth::counted_effects;
 use super::latency::{LatencyArguments, counted_delays};
-use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
+use super::outcome::{JsonOption, Outcome, without_mark};
 use super::parameters::{DesignArguments, PurposeOption};
 use super::report_option::ReportOption;
 use super::report_pages;
+use rotorlead_answer::words::paragraph;
 
 /// Designs one compensator for all points of a model
 ///
@@ -79,7 +81,7 @@ impl Design {
         if let Some(recommendation) = &found.recommendation {
             write!(text, "\n{}", chosen(recommendation)).expect("a string takes all");
         }
-        write!(text, "\n{}", predicted(points, phases).text()).expect("a string takes all");
+        write!(text, "\n{}", bandwidth_table(points, phases).text()).expect("a string takes all");
         text.push_str(&counted_delays(&found.latency, phases));
         text.push_str(&counted_effects(&effects));
         text.push('\n');

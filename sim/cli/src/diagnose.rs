@@ -15,10 +15,11 @@ use rotorlead_results::{diagnosis_json, diagnosis_section, diagnosis_tone, effec
 use serde_json::json;
 
 use super::diagnose_bandwidths::BandwidthArguments;
-use super::outcome::{JsonOption, Outcome, wrapped};
+use super::outcome::{JsonOption, Outcome};
 use super::redesign::RedesignArguments;
 use super::report_option::ReportOption;
 use super::{WrongUse, progress, report_pages};
+use rotorlead_answer::words::wrapped;
 
 /// Steps of a search that finds one effect: each kind is screened and some are fitted, twice.
 pub(super) const STEPS: u64 = 60;

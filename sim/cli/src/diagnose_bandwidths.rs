@@ -20,10 +20,11 @@ use rotorlead_results::{
 };
 use serde_json::{Value, json};
 
-use super::outcome::{Outcome, wrapped};
+use super::outcome::Outcome;
 use super::parameters::number;
 use super::report_option::ReportOption;
 use super::report_pages;
+use rotorlead_answer::words::wrapped;
 
 /// Width of what is said.
 const WIDTH: usize = 80;
@@ -127,14 +128,7 @@ fn words(found: &BandwidthDiagnosis) -> String {
         text.push_str(line.trim_end());
         text.push('\n');
     };
-    let ratios = ratios_table(found).select(&[
-        "u_nom",
-        "uncompensated_ratio",
-        "uncompensated_share_percent",
-        "compensated_ratio",
-        "compensated_share_percent",
-    ]);
-    line(format!("\n{}", ratios.text()));
+    line(format!("\n{}", ratios_table(found).text()));
     if !found.explanations.is_empty() {
         list(found, &mut line);
     }

@@ -1,34 +1,22 @@
 //! `rotorlead identify`
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_answer::{Report, Section, Table};
+use miette::WrapErr as _;
+use rotorlead_answer::Report;
 use rotorlead_identify::stand::StandModel;
-use rotorlead_identify::steps::LawComparison;
-use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
+use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyOptions};
 use rotorlead_records::files::{check_writable, printable};
-use rotorlead_records::{Experiment, Output};
-use rotorlead_results::{
-    IdentifyResult, excitation_section, identification_section, identification_tables, recommendation_table, refused,
-    to_fly, transform,
-};
+use rotorlead_records::{Experiment, Finding, Output};
+use rotorlead_results::{IdentifyResult, excitation_section, transform};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
-use super::identify_tables::{fitted_chirps, held_out, staircase};
-use super::outcome::{JsonOption, Outcome, paragraph, warning_lines};
+use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
-use super::{WrongUse, identify_laws, identify_map, progress, report_pages};
-
-/// Printed below the lags.
-const STANDARD_ERRORS: &str = "  tau is the time constant; +- is one standard error, of the noise alone.\n";
-
-/// Warnings that are printed; what further ones say changes the answer less.
-const MOST_WARNINGS: usize = 4;
+use super::{WrongUse, progress, report_pages};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -125,61 +113,31 @@ impl Identify {
                 .wrap_err_with(nothing)?;
             Ok((aligned, found))
         })?;
-        let Aligned { experiment, text: of_alignment, mut warnings, alignments, .. } = aligned;
-        let identified = &found.identification;
-        identified.model.write(&self.out)?;
+        let Aligned { experiment, text: of_alignment, warnings, alignments, .. } = aligned;
+        found.identification.model.write(&self.out)?;
 
-        warnings.extend(found.warnings.iter().cloned());
-        let (of_lags, mut detail) = tables(&experiment, identified, found.laws.as_ref());
-        let mut text = paragraph(&found.headline, "  ");
-        text.extend(found.judgement.limits.iter().map(|reason| paragraph(&format!("- {reason}"), "  ")));
-        if let Some(recommendation) = &found.recommendation {
-            text.extend(to_fly(recommendation).iter().map(|sentence| paragraph(&format!("- {sentence}"), "  ")));
-            detail.push('\n');
-            detail.push_str(&recommendation_table(recommendation).text());
-            detail.extend(refused(recommendation).iter().map(|sentence| paragraph(sentence, "  ")));
-        }
-        if let Some(other) = &found.other_output {
-            text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
-        }
-        if !of_alignment.is_empty() {
-            text.push('\n');
-            text.push_str(of_alignment.trim_end_matches('\n'));
-            text.push('\n');
-        }
-        text.push('\n');
-        text.push_str(&of_lags);
-        if !warnings.is_empty() {
-            text.push('\n');
-        }
-        let (first, folded) = warnings.split_at(warnings.len().min(MOST_WARNINGS));
-        text.extend(first.iter().map(|warning| warning_lines(warning)));
-        if !folded.is_empty() {
-            writeln!(text, "{} further warnings, of less weight: --verbose prints them", folded.len())
-                .into_diagnostic()?;
-            detail.push('\n');
-            detail.extend(folded.iter().map(|warning| warning_lines(warning)));
-        }
-        writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
-        text.push_str(&self.report.write(|| {
-            let verdict = report_pages::identified(&identified.model, &found.judgement, warnings.len());
+        let mut answer = found.answer(&experiment);
+        let of_merging = warnings.into_iter().map(|warning| Finding::warning(warning, None));
+        answer.findings.splice(0..0, of_merging);
+        answer.values.insert("alignment".to_owned(), json!(alignments));
+        let mut written = format!("Written to {}\n", self.out.display());
+        written.push_str(&self.report.write(|| {
             let stand = self.stand_model.as_deref().map(|stand| report_pages::file("Stand, divided out", stand));
-            let written = report_pages::file("Model", &self.out);
+            let model = report_pages::file("Model", &self.out);
+            let facts =
+                [report_pages::records(&experiment, &self.experiment), stand.into_iter().chain([model]).collect()];
             Report {
-                facts: [
-                    report_pages::records(&experiment, &self.experiment),
-                    stand.into_iter().chain([written]).collect(),
-                ]
-                .concat(),
-                warnings: warnings.clone(),
-                sections: sections(&experiment, identified),
-                ..report_pages::report("Identification", format!("Identification of {}", experiment.name), verdict)
+                facts: facts.concat(),
+                warnings: answer.warnings(),
+                sections: vec![answer.section(), excitation_section(&experiment)],
+                ..report_pages::report(
+                    "Identification",
+                    format!("Identification of {}", experiment.name),
+                    answer.verdict.clone(),
+                )
             }
         })?);
-        let mut values = found.values();
-        values.warnings = warnings;
-        values.alignment = alignments.map(|alignments| json!(alignments));
-        Ok(Outcome::new(text, &values).with_detail(detail))
+        Ok(Outcome::of(&answer, &written).after(&of_alignment))
     }
 }
 
@@ -204,44 +162,4 @@ fn no_stand(error: IdentifyError) -> miette::Report {
         .into(),
         error => error.into(),
     }
-}
-
-/// The parts of a report: what was played, and what came out.
-pub fn sections(experiment: &Experiment, identified: &Identification) -> Vec<Section> {
-    vec![identification_section(identified, experiment), excitation_section(experiment)]
-}
-
-/// The lags, and the other tables as detail.
-fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&LawComparison>) -> (String, String) {
-    let tables = identification_tables(identified, experiment.output);
-    let [of_lags, others @ ..] = &tables[..] else { unreachable!("the lags are there in any case") };
-    // The model's derived numbers are left to the report.
-    let shown = [
-        "u_nom",
-        "gain",
-        "time_constant_ms",
-        "lower",
-        "upper",
-        "delay_ms",
-        "time_constant_up_ms",
-        "fit_up_percent",
-        "time_constant_down_ms",
-        "fit_down_percent",
-        "fit_frequency_percent",
-        "fit_square_percent",
-        "reduced_chi_square",
-    ];
-    let of_lags = of_lags.select(&shown).text();
-    let text = match &identified.lags {
-        Lags::Multisines(found) => of_lags + STANDARD_ERRORS + &held_out(experiment, found),
-        Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(found),
-        Lags::Steps(fit) => staircase(fit) + &of_lags,
-        Lags::None => String::new(),
-    };
-    let laws = laws.map(identify_laws::describe);
-    let map = identified.static_map.as_ref().map(|(_, fit)| identify_map::describe(fit, experiment.output));
-    let detail: Vec<String> = laws.into_iter().chain(others.iter().map(Table::text)).collect();
-    let detail = detail.join("\n") + &map.unwrap_or_default();
-    // A static map is all that there is to say then.
-    if matches!(identified.lags, Lags::None) { (detail, String::new()) } else { (text, detail) }
 }

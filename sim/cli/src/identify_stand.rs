@@ -5,13 +5,13 @@ use std::path::Path;
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_answer::{Report, Tone, Verdict};
+use rotorlead_answer::{Report, Tone, Verdict, with_std};
 use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
 use rotorlead_identify::{power_over_noise, times_noise, with_advice};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{Quantity, check_writable};
-use rotorlead_results::{stand_section, stand_table, with_std};
+use rotorlead_results::{stand_section, stand_table};
 use serde::Serialize;
 
 use super::outcome::{Outcome, warning_lines};

@@ -7,20 +7,20 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use miette::{Diagnostic as _, miette};
 use rotorlead_answer::{Cell, Column, Table};
-use rotorlead_identify::Finding;
 use rotorlead_identify::check::of_record;
 use rotorlead_records::files::{FileError, Quantity};
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
-use rotorlead_records::{Excitation, Experiment, Output};
+use rotorlead_records::{Excitation, Experiment, Finding, Output};
 use serde_json::json;
 
 use super::WrongUse;
 use super::check::words;
-use super::outcome::{JsonOption, Outcome, wrapped};
+use super::outcome::{JsonOption, Outcome};
 use super::parameters::{number, range};
 use super::progress;
+use rotorlead_answer::words::wrapped;
 
 /// Takes logs of other tools as an experiment
 ///
@@ -303,6 +303,7 @@ fn describe(summary: &ImportSummary) -> String {
             Column::new("remark", "remark", ""),
         ],
         rows: summary.columns.iter().map(row).collect(),
+        ..Table::default()
     };
     say(format!("\n{}", columns.text().trim_end()));
     for note in &summary.notes {

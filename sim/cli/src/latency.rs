@@ -6,7 +6,7 @@ use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency, STANDAR
 use rotorlead_results::protocol_name;
 
 use super::WrongUse;
-use super::outcome::paragraph;
+use rotorlead_answer::words::paragraph;
 
 /// The pulses between which the controller sits.
 #[derive(Args, Clone, Copy, Debug)]

@@ -7,13 +7,14 @@ use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::Diagnostic;
+use rotorlead_answer::words::paragraph;
+use rotorlead_answer::{Answer, Text};
 use rotorlead_plant::Judgement;
 use rotorlead_records::files::{
-    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, printable_line, write_file,
+    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
 };
 use serde::Serialize;
 use serde_json::Value;
-use textwrap::{WordSeparator, WordSplitter};
 use thiserror::Error;
 
 use super::report_option::this_command;
@@ -42,6 +43,8 @@ pub struct Outcome {
     pub text: String,
     /// What `--verbose` adds below the text: tables that few readers need; may be empty.
     pub detail: String,
+    /// What came out, which is printed last; may be empty.
+    pub verdict: String,
     /// The same for programs.
     pub json: Value,
 }
@@ -61,7 +64,20 @@ impl Outcome {
     /// Text, and the values behind it, of which those that are not finite become null.
     pub fn new(text: String, values: &impl Serialize) -> Self {
         let json = serde_json::to_value(values).expect("keys are text, and no value fails to be written");
-        Self { text, detail: String::new(), json }
+        Self { text, detail: String::new(), verdict: String::new(), json }
+    }
+
+    /// An answer, with what it was written to at its end.
+    pub fn of(answer: &Answer, written: &str) -> Self {
+        let Text { shown, detail, verdict } = answer.text();
+        let verdict = if written.is_empty() { verdict } else { format!("{verdict}{written}") };
+        Self { text: shown, detail, verdict, json: answer.json() }
+    }
+
+    /// The same behind what was done before.
+    pub fn after(self, text: &str) -> Self {
+        let parts = [text.trim_end(), self.text.as_str()].into_iter().filter(|part| !part.is_empty());
+        Self { text: parts.collect::<Vec<_>>().join("\n\n"), ..self }
     }
 
     /// The same with what `--verbose` adds.
@@ -72,7 +88,7 @@ impl Outcome {
     /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either.
     fn check(&self) -> Result<(), Impossible> {
         let is_none = |word: &str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
-        let mut lines = self.text.lines().chain(self.detail.lines());
+        let mut lines = [&self.text, &self.detail, &self.verdict].into_iter().flat_map(|text| text.lines());
         let line = lines.find(|line| line.split_whitespace().any(is_none)).map(|line| line.trim().to_owned());
         line.or_else(|| impossible("", &self.json)).map_or(Ok(()), |place| Err(Impossible { place }))
     }
@@ -158,11 +174,14 @@ impl JsonOption {
         if self.json.is_some() && self.file().is_none() {
             return print_bytes(outcome.json_text().as_bytes());
         }
-        match verbosity {
-            Verbosity::Quiet => Ok(()),
-            Verbosity::Verbose if !outcome.detail.is_empty() => print(&format!("{}\n{}", outcome.text, outcome.detail)),
-            Verbosity::Normal | Verbosity::Verbose => print(&outcome.text),
-        }
+        let Outcome { text, detail, verdict, .. } = outcome;
+        let parts = match verbosity {
+            Verbosity::Quiet => return Ok(()),
+            Verbosity::Normal => vec![text, verdict],
+            Verbosity::Verbose => vec![text, detail, verdict],
+        };
+        let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).map(String::as_str).collect();
+        print(&parts.join("\n"))
     }
 
     /// The file, where it is not standard output.
@@ -180,23 +199,6 @@ pub fn warning_lines(warning: &str) -> String {
 pub fn judgement_lines(judgement: &Judgement) -> String {
     let reasons = judgement.limits.iter().map(|reason| paragraph(&format!("- {reason}"), "  "));
     format!("Judged: {}\n{}", judgement.state, reasons.collect::<String>())
-}
-
-/// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with
-/// a line break.
-pub fn paragraph(text: &str, indent: &str) -> String {
-    wrapped(text, 80, indent) + "\n"
-}
-
-/// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts. Names in it that have
-/// line breaks make no lines of their own.
-pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
-    let options = textwrap::Options::new(width)
-        .subsequent_indent(indent)
-        .break_words(false)
-        .word_splitter(WordSplitter::NoHyphenation)
-        .word_separator(WordSeparator::AsciiSpace);
-    textwrap::fill(&printable_line(sentence), options)
 }
 
 /// What a remark begins with, and its color on a terminal.

@@ -53,19 +53,19 @@ pub struct DesignArguments {
 /// For what a compensator is chosen.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct PurposeOption {
-    /// For what a compensator is chosen where no kind is given: a multirotor's rate loop, whose gains are tuned again with it, or a
-    /// force around which no loop is closed
-    #[arg(long, value_enum, default_value_t = PurposeName::RateLoop)]
+    /// For what a compensator is chosen where no kind is given: a force around which no loop is closed, or a multirotor's rate loop,
+    /// whose gains are tuned again with it
+    #[arg(long, value_enum, default_value_t = PurposeName::Force)]
     purpose: PurposeName,
 }
 
 /// The purposes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum PurposeName {
-    /// A multirotor's rate loop
-    RateLoop,
     /// Tilted rotors, tethers, contact
     Force,
+    /// A multirotor's rate loop
+    RateLoop,
 }
 
 impl PurposeOption {

@@ -15,9 +15,9 @@ use rotorlead_results::{bandwidth_text, in_short, redesign_sections, redesign_ta
 use serde::Serialize;
 
 use super::WrongUse;
-use super::outcome::wrapped;
 use super::parameters::{DesignArguments, number};
 use super::progress;
+use rotorlead_answer::words::wrapped;
 
 /// Width of what is said.
 const WIDTH: usize = 80;

@@ -91,7 +91,7 @@ impl FiguresOption {
         }
         let listed = |what: &str, names: Vec<&str>| {
             let line = format!("{what} in {}: {}", folder.display(), names.join(", "));
-            if names.is_empty() { String::new() } else { super::outcome::wrapped(&line, 80, "  ") + "\n" }
+            if names.is_empty() { String::new() } else { rotorlead_answer::words::wrapped(&line, 80, "  ") + "\n" }
         };
         let figures = listed("Figures", figures.iter().map(|figure| figure.name.as_str()).collect());
         let tables = listed("Tables", tables.iter().map(|table| table.name.as_str()).collect());

@@ -62,17 +62,7 @@ impl Validate {
                 report_pages::judged(&judgement),
             )
         })?;
-        let scores = validation_scores(&records).select(&[
-            "u_nom",
-            "excitation",
-            "compensated",
-            "held_out",
-            "fit_percent",
-            "ceiling_percent",
-            "left_over_noise",
-            "p_value",
-            "file",
-        ]);
+        let scores = validation_scores(&records);
         let by_nominal = validation_by_nominal(&records).map(|table| table.text());
         // Where no command has both kinds of records, each record is the summary.
         let (first, detail) = match by_nominal {

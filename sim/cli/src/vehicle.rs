@@ -14,9 +14,10 @@ use rotorlead_results::{
 use rotorlead_vehicle::{Airframe, Ratios, Row, Study, Worth, findings, headline, steps, study};
 use serde::Serialize;
 
-use super::outcome::{JsonOption, Outcome, paragraph};
+use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
+use rotorlead_answer::words::paragraph;
 
 /// Says what a compensator is worth in a vehicle, by simulation
 ///

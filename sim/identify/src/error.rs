@@ -5,11 +5,11 @@ use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::files::Fault;
 use thiserror::Error;
 
-use super::Topic;
 use super::parametric::ParametricError;
 use super::stand::StandError;
 use super::static_map::StaticMapError;
 use super::steps::StepsError;
+use rotorlead_records::Topic;
 
 /// A record or setting from which nothing can be identified.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]

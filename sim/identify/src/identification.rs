@@ -2,14 +2,14 @@
 
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::{Model, Provenance};
-use rotorlead_records::{Excitation, Experiment, Record, Role};
+use rotorlead_records::{Excitation, Experiment, Finding, Record, Role, Severity, Topic};
 
 use super::stand::StandModel;
 use super::static_map::{StaticMapError, StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
 use super::steps::{StaircaseFit, fit_staircase};
 use super::{
-    ChirpIdentification, Finding, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification,
-    PeriodicOptions, Severity, Spectrum, Topic, identify_chirps, identify_periodic, is_chirp_to_fit,
+    ChirpIdentification, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification, PeriodicOptions,
+    Spectrum, identify_chirps, identify_periodic, is_chirp_to_fit,
 };
 
 /// What an identification takes beside the records.

@@ -10,6 +10,7 @@ mod column;
 mod error;
 mod experiment;
 pub mod files;
+mod finding;
 mod fleet;
 pub mod import;
 mod inspect;
@@ -26,6 +27,7 @@ mod tests;
 
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use finding::{Finding, Severity, Topic};
 pub use fleet::{FleetList, FleetLog};
 pub use inspect::{Inspection, Unreadable};
 pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};

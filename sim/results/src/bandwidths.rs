@@ -57,36 +57,35 @@ pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Tabl
         |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), bandwidth_cell(phase.minus_90, 2)];
     let row = |(index, point): (usize, &BandwidthPoint)| {
         let factor = point.compensated.rad_s().zip(point.uncompensated.rad_s()).map(|(after, before)| after / before);
-        let mut cells = vec![
-            Cell::number(point.nominal, 3),
-            bandwidth_cell(point.uncompensated, 4),
-            bandwidth_cell(point.compensated, 4),
-            Cell::optional(factor, 2),
-        ];
-        if let Some(phase) = phases.get(index) {
-            cells.extend([&phase.uncompensated, &phase.compensated].into_iter().flat_map(phase_cells));
-        }
-        cells
+        let phase = phases.get(index);
+        let with_phase = |bandwidth, phase: Option<&PhaseAtBandwidth>| -> Vec<Cell> {
+            std::iter::once(bandwidth_cell(bandwidth, 4)).chain(phase.into_iter().flat_map(phase_cells)).collect()
+        };
+        std::iter::once(Cell::number(point.nominal, 3))
+            .chain(with_phase(point.uncompensated, phase.map(|phase| &phase.uncompensated)))
+            .chain(with_phase(point.compensated, phase.map(|phase| &phase.compensated)))
+            .chain([Cell::optional(factor, 2)])
+            .collect()
     };
     let mut columns = vec![
         Column::new("u_nom", "u_nom", "duty"),
         Column::new("uncompensated_rad_s", "without compensator", "rad/s"),
+        Column::new("uncompensated_phase_deg", "phase there without", "deg"),
+        Column::new("uncompensated_minus_90_rad_s", "-90 degrees without", "rad/s"),
         Column::new("compensated_rad_s", "with compensator", "rad/s"),
-        Column::new("factor", "factor", ""),
+        Column::new("compensated_phase_deg", "phase there with", "deg"),
+        Column::new("compensated_minus_90_rad_s", "-90 degrees with", "rad/s"),
+        Column::new("factor", "factor", "").in_detail(),
     ];
-    if !phases.is_empty() {
-        columns.extend([
-            Column::new("uncompensated_phase_deg", "phase there without", "deg"),
-            Column::new("uncompensated_minus_90_rad_s", "-90 degrees without", "rad/s"),
-            Column::new("compensated_phase_deg", "phase there with", "deg"),
-            Column::new("compensated_minus_90_rad_s", "-90 degrees with", "rad/s"),
-        ]);
+    if phases.is_empty() {
+        columns.retain(|column| !(column.name.ends_with("phase_deg") || column.name.ends_with("minus_90_rad_s")));
     }
     Table {
         name: "table_3".to_owned(),
         caption: "Predicted bandwidth".to_owned(),
         columns,
         rows: points.iter().enumerate().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -116,6 +115,5 @@ pub fn measured_table(measured: &[MeasuredBandwidth]) -> Table {
             Column::new("lower_rad_s", "from", "rad/s"),
             Column::new("upper_rad_s", "to", "rad/s"),
         ],
-        rows: measured.iter().map(row).collect(),
-    }
+        rows: measured.iter().map(row).collect(), ..Table::default() }
 }

@@ -56,6 +56,7 @@ pub fn distortion_table(found: &PeriodicIdentification) -> Option<Table> {
             Column::new("stochastic_db", "other phases", "dB"),
         ],
         rows: known.iter().map(row).collect(),
+        ..Table::default()
     })
 }
 

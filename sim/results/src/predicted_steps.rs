@@ -32,6 +32,7 @@ pub fn steps_table(steps: &[StepPoint]) -> Table {
             column("compensated_settling_ms", "settling with", "ms"),
         ],
         rows: steps.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -66,5 +67,6 @@ pub fn robustness_table(compensators: &[(&str, Vec<Robustness>)]) -> Table {
             column("overshoot_percent", "overshoot", "%"),
         ],
         rows: rows.collect(),
+        ..Table::default()
     }
 }

@@ -2,7 +2,7 @@
 
 use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_plant::Judgement;
-use rotorlead_vehicle::{Candidate, Purpose, Recommendation};
+use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
 use serde::Serialize;
 
 /// Whether a compensator may be built on a model, and which one is worth it.
@@ -22,19 +22,18 @@ impl<'a> JudgementValues<'a> {
     }
 }
 
-/// What to fly, a sentence for each purpose.
+/// What to fly, a sentence for each purpose; one for both where nothing is worth it for the same reason.
 #[must_use]
-pub fn to_fly(recommendation: &Recommendation) -> [String; 2] {
-    [Purpose::RateLoop, Purpose::Force].map(|purpose| {
+pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
+    let Recommendation { force, rate_loop, .. } = recommendation;
+    if force == rate_loop && force.actuator == ActuatorKind::None {
+        return vec![format!("to fly: nothing, as {}", force.why)];
+    }
+    let of = |purpose: Purpose| {
         let choice = recommendation.of(purpose);
-        format!("For {}: {}. {}", purpose.words(), choice.actuator.name(), sentence(&choice.why))
-    })
-}
-
-fn sentence(words: &str) -> String {
-    let mut letters = words.chars();
-    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
-    format!("{first}{}.", letters.as_str())
+        format!("to fly for {}: {}, as {}", purpose.words(), choice.actuator.name(), choice.why)
+    };
+    [Purpose::Force, Purpose::RateLoop].map(of).into()
 }
 
 /// Everything that was compared, with what it gains and what it costs.
@@ -43,7 +42,7 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
     let bare = found.candidates.first();
     let row = |one: &Candidate| {
         let ratios = bare.and_then(|bare| one.rate_loop.ratios(&bare.rate_loop));
-        let for_purposes = [Purpose::RateLoop, Purpose::Force].into_iter();
+        let for_purposes = [Purpose::Force, Purpose::RateLoop].into_iter();
         let chosen: Vec<&str> = for_purposes
             .filter(|purpose| found.of(*purpose).actuator == one.actuator)
             .map(|purpose| match purpose {
@@ -85,8 +84,7 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
             Column::new("step_peak", "largest step", ""),
             Column::new("recommended_for", "for", ""),
         ],
-        rows: found.candidates.iter().map(row).collect(),
-    }
+        rows: found.candidates.iter().map(row).collect(), ..Table::default() }
 }
 
 /// What was not compared, a sentence each.

@@ -4,7 +4,7 @@ use miette::Diagnostic;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Setting};
 use rotorlead_plant::Model;
-use rotorlead_vehicle::{ActuatorKind, Purpose, Recommendation, VehicleError, recommend};
+use rotorlead_vehicle::{ActuatorKind, Choice, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
 
 use super::design::Designed;
@@ -56,14 +56,14 @@ pub struct Chosen {
 pub enum RequestError {
     /// None is best.
     #[error("no compensator is recommended for {purpose}: {why}")]
-    #[diagnostic(help(
-        "leave the motor as it is, or ask for a kind: the kind `lead` or `inverse` is designed all the same"
-    ))]
+    #[diagnostic(help("{other}; the kind `lead` or `inverse` is designed all the same where it is asked for"))]
     NoneRecommended {
         /// What it would be for.
         purpose: &'static str,
         /// What speaks against all.
         why: String,
+        /// What is for the other purpose.
+        other: String,
     },
     /// The motor cannot be simulated.
     #[error("what to fly cannot be said: {0}")]
@@ -147,7 +147,12 @@ impl DesignRequest {
                 Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.options(Kind::Inverse)
             }
             ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
-                return Err(RequestError::NoneRecommended { purpose: purpose.words(), why: choice.why.clone() });
+                let other = match recommendation.of(purpose.other()) {
+                    Choice { actuator: ActuatorKind::None, .. } => "leave the motor as it is".to_owned(),
+                    other => format!("for {}, {} is", purpose.other().words(), other.actuator.name()),
+                };
+                let why = choice.why.clone();
+                return Err(RequestError::NoneRecommended { purpose: purpose.words(), why, other });
             }
         };
         Ok(Chosen { designed: Designed::of(model, &options)?, recommendation: Some(recommendation) })

@@ -131,44 +131,47 @@ pub fn validation_scores(records: &[RecordValidation]) -> Table {
             Domain::Time => "time",
         };
         let left = record.left_over;
-        let mut row = vec![
-            Cell::text(record.file.clone()),
-            Cell::number(record.nominal, 3),
-            Cell::text(record.excitation.name()),
-            Cell::text(match record.fitted {
-                Some(true) => "no",
-                Some(false) => "yes",
-                None => "-",
-            }),
-            Cell::text(in_domain),
-            Cell::number(record.fit_percent, 2),
-            Cell::optional(record.ceiling_percent, 2),
-            Cell::optional(left.map(|left| left.power_ratio), 2),
-            left.map_or_else(|| Cell::unknown("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
-            Cell::optional(record.model_error_percent(), 2),
-        ];
-        row.extend(any_compensated.then(|| Cell::text(if record.compensated { "yes" } else { "no" })));
-        row
+        let compensated = any_compensated.then(|| Cell::text(if record.compensated { "yes" } else { "no" }));
+        [Cell::number(record.nominal, 3), Cell::text(record.excitation.name())]
+            .into_iter()
+            .chain(compensated)
+            .chain([
+                Cell::text(match record.fitted {
+                    Some(true) => "no",
+                    Some(false) => "yes",
+                    None => "-",
+                }),
+                Cell::text(in_domain),
+                Cell::number(record.fit_percent, 2),
+                Cell::optional(record.ceiling_percent, 2),
+                Cell::optional(left.map(|left| left.power_ratio), 2),
+                left.map_or_else(|| Cell::unknown("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
+                Cell::optional(record.model_error_percent(), 2),
+                Cell::text(record.file.clone()),
+            ])
+            .collect()
     };
-    let mut columns = vec![
-        Column::new("file", "record", ""),
-        Column::new("u_nom", "u_nom", "duty"),
-        Column::new("excitation", "excitation", ""),
-        Column::new("held_out", "held out", ""),
-        Column::new("domain", "compared in", ""),
-        Column::new("fit_percent", "fit", "%"),
-        Column::new("ceiling_percent", "ceiling", "%"),
-        Column::new("left_over_noise", "power over noise", ""),
-        Column::new("p_value", "p", ""),
-        Column::new("model_error_percent", "model's error", "% of the response"),
-    ];
-    columns.extend(any_compensated.then(|| Column::new("compensated", "with C(s)", "")));
+    let columns = [Column::new("u_nom", "u_nom", "duty"), Column::new("excitation", "excitation", "")]
+        .into_iter()
+        .chain(any_compensated.then(|| Column::new("compensated", "with C(s)", "")))
+        .chain([
+            Column::new("held_out", "held out", ""),
+            Column::new("domain", "compared in", "").in_detail(),
+            Column::new("fit_percent", "fit", "%"),
+            Column::new("ceiling_percent", "ceiling", "%"),
+            Column::new("left_over_noise", "power over noise", ""),
+            Column::new("p_value", "p", ""),
+            Column::new("model_error_percent", "model's error", "% of the response").in_detail(),
+            Column::new("file", "record", ""),
+        ])
+        .collect();
     Table {
         name: "validation".to_owned(),
         caption: "Fit of each record. The ceiling is what a perfect model would score on average, given its noise."
             .to_owned(),
         columns,
         rows: records.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -197,6 +200,7 @@ pub fn validation_by_nominal(records: &[RecordValidation]) -> Option<Table> {
             Column::new("ceiling_square_percent", "ceiling", "%"),
         ],
         rows,
+        ..Table::default()
     })
 }
 

@@ -73,11 +73,20 @@ pub enum Purpose {
 }
 
 impl Purpose {
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Force => Self::RateLoop,
+            Self::RateLoop => Self::Force,
+        }
+    }
+
     /// What it is called in a sentence.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            Self::Force => "a force without a loop around it",
+            Self::Force => "a force",
             Self::RateLoop => "a rate loop",
         }
     }
@@ -120,6 +129,11 @@ impl Recommendation {
 /// # Errors
 /// When the model cannot be simulated.
 pub fn recommend(model: &Model, judged: Option<Word>) -> Result<Recommendation, VehicleError> {
+    let first = model.points.first().map_or(0.0, |point| point.gain);
+    let of_other_sign = |point: &&Point| first * point.gain <= 0.0;
+    if let Some(&Point { nominal, gain, .. }) = model.points.iter().find(of_other_sign) {
+        return Err(VehicleError::FallingThrust { nominal, gain });
+    }
     let alike = |point: &Point| Point { gain: GAIN_N, gain_std: None, ..point.clone() };
     let points: Vec<Point> = model.points.iter().map(alike).collect();
     let lags = Model { points, static_map: None, effects: Vec::new(), ..model.clone() };
@@ -300,14 +314,14 @@ fn of_force(candidates: &[Candidate]) -> Choice {
         Some((best, rise_s)) => Choice {
             actuator: best.actuator,
             why: format!(
-                "a step of {:.0} % rises in {:.0} ms instead of {:.0}, without a limit of the command",
+                "a step of {:.0} % rises in {:.0} ms instead of {:.0}",
                 100.0 * STEP,
                 1e3 * rise_s,
                 1e3 * bare_s
             ),
         },
         None => none(format!(
-            "none lets a step of {:.0} % rise much sooner than in the {:.0} ms of the bare motor without meeting a limit",
+            "no step of {:.0} % rises much sooner than in {:.0} ms without meeting a limit",
             100.0 * STEP,
             1e3 * bare_s
         )),
@@ -325,16 +339,14 @@ fn of_rate_loop(candidates: &[Candidate]) -> Choice {
             actuator: best.actuator,
             why: match best.ratios(&bare.rate_loop) {
                 Some(Ratios { bandwidth, disturbance_peak, .. }) => format!(
-                    "tuned again, the loop has {bandwidth:.1} times the bandwidth, and a gust turns the vehicle \
-                     {disturbance_peak:.1} times as far"
+                    "tuned again it has x{bandwidth:.1} the bandwidth, and a gust turns the vehicle x{disturbance_peak:.1} as far"
                 ),
                 None => "there are gains that keep the margins, where the bare motor has none".to_owned(),
             },
         },
         None => Choice {
             actuator: ActuatorKind::None,
-            why: "none makes the loop better in bandwidth and against gusts, tuned again to the same margins"
-                .to_owned(),
+            why: "none makes it better in bandwidth and against gusts, tuned again to the same margins".to_owned(),
         },
     }
 }

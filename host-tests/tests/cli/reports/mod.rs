@@ -182,7 +182,7 @@ fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
     let before = stand.everything().len();
     let mut files = Vec::new();
     for _ in 0..2 {
-        stand.run("design --model model.toml --out compensator.toml --report design.html");
+        stand.run("design --kind lead --model model.toml --out compensator.toml --report design.html");
         files.push(stand.read("design.html"));
     }
     assert_eq!(files[0], files[1]);
@@ -191,7 +191,7 @@ fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
     let words = html.replace("<span class=\"option\">", "").replace("</span>", "");
     for part in [
         "Predicted bandwidth: 12.5 to 16.6 rad/s without",
-        "rotorlead design --model model.toml --out compensator.toml --report design.html",
+        "rotorlead design --kind lead --model model.toml --out compensator.toml --report design.html",
         concat!("Rotorlead ", env!("CARGO_PKG_VERSION")),
         "Permission is hereby granted, free of charge",
         "plotly.js (cartesian - minified) v",

@@ -1,11 +1,16 @@
 //! Tables: what is shown, and the numbers behind it. One description for the terminal, for a report and for CSV.
 
 mod text;
+mod typed;
+
+pub use typed::{Datum, Typed, Unit, table_of, with_std};
+
+use serde_json::json;
 
 use crate::escape;
 
 /// A table with a heading for each column.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// File name without its end; unique in a report.
     pub name: String,
@@ -15,6 +20,24 @@ pub struct Table {
     pub columns: Vec<Column>,
     /// The rows, each with as many cells as there are columns.
     pub rows: Vec<Vec<Cell>>,
+    /// Sentences below it.
+    pub notes: Vec<String>,
+    /// Who sees it.
+    pub weight: Weight,
+    /// The key of its rows for programs; `None` where they are none's.
+    pub key: Option<&'static str>,
+}
+
+/// Who sees a table, beside the report, which shows all but those for programs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weight {
+    /// Whoever asks.
+    #[default]
+    Shown,
+    /// Whoever asks for the detail.
+    Detail,
+    /// Programs alone.
+    Programs,
 }
 
 /// A column's heading.
@@ -26,6 +49,8 @@ pub struct Column {
     pub heading: String,
     /// The unit; may be empty.
     pub unit: String,
+    /// Whether a terminal leaves it to the report.
+    pub is_detail: bool,
 }
 
 /// One cell.
@@ -44,6 +69,8 @@ pub enum Value {
     Words,
     /// A number.
     Number(f64),
+    /// A number and its standard error, as far as that is known.
+    Estimate(f64, Option<f64>),
     /// No number, where others of the column have one.
     Unknown,
 }
@@ -52,7 +79,13 @@ impl Column {
     /// A column.
     #[must_use]
     pub fn new(name: &'static str, heading: &str, unit: &str) -> Self {
-        Self { name, heading: heading.to_owned(), unit: unit.to_owned() }
+        Self { name, heading: heading.to_owned(), unit: unit.to_owned(), is_detail: false }
+    }
+
+    /// The same, which a terminal leaves to the report.
+    #[must_use]
+    pub fn in_detail(self) -> Self {
+        Self { is_detail: true, ..self }
     }
 
     /// Heading and unit, for where they stand beside each cell.
@@ -98,43 +131,80 @@ impl Cell {
 }
 
 impl Table {
-    /// The same with these columns alone, by their names and in this order.
-    #[must_use]
-    pub fn select(&self, names: &[&str]) -> Self {
-        let kept: Vec<usize> =
-            names.iter().filter_map(|name| self.columns.iter().position(|column| column.name == *name)).collect();
-        Self {
-            name: self.name.clone(),
-            caption: self.caption.clone(),
-            columns: kept.iter().map(|column| self.columns[*column].clone()).collect(),
-            rows: self.rows.iter().map(|row| kept.iter().map(|column| row[*column].clone()).collect()).collect(),
-        }
-    }
-
     /// Whether a column holds numbers.
     #[must_use]
     pub fn is_number(&self, column: &usize) -> bool {
         self.rows.iter().any(|row| row.get(*column).is_some_and(|cell| cell.value != Value::Words))
     }
 
-    /// The table as CSV: numbers in full, nothing where there is none.
+    /// The same, which a terminal shows to who asks for the detail.
+    #[must_use]
+    pub fn in_detail(self) -> Self {
+        Self { weight: Weight::Detail, ..self }
+    }
+
+    /// Whether anything is known in a column of a table with rows.
+    #[must_use]
+    pub fn is_known(&self, column: &usize) -> bool {
+        let is_unknown = |row: &Vec<Cell>| row.get(*column).is_some_and(|cell| cell.value == Value::Unknown);
+        self.rows.is_empty() || !self.rows.iter().all(is_unknown)
+    }
+
+    /// Whether a column has standard errors.
+    fn has_std(&self, column: usize) -> bool {
+        self.rows.iter().any(|row| row.get(column).is_some_and(|cell| matches!(cell.value, Value::Estimate(..))))
+    }
+
+    /// The table as CSV: numbers in full, nothing where there is none; standard errors in columns of their own.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut writer = csv::Writer::from_writer(Vec::new());
-        let numeric: Vec<bool> = (0..self.columns.len()).map(|column| self.is_number(&column)).collect();
-        let header = self.columns.iter().map(|column| column.name.to_owned()).collect();
-        let cell = |(cell, is_number): (&Cell, &bool)| match cell.value {
-            Value::Number(value) if value.is_finite() => value.to_string(),
-            Value::Words if !is_number => escape::cell(&cell.text).into_owned(),
-            _ => String::new(),
+        let full = |number: Option<f64>| number.filter(|number| number.is_finite()).map(|number| number.to_string());
+        let columns: Vec<(bool, bool)> =
+            (0..self.columns.len()).map(|column| (self.is_number(&column), self.has_std(column))).collect();
+        let header = self.columns.iter().zip(&columns).flat_map(|(column, (_, has_std))| {
+            std::iter::once(column.name.to_owned()).chain(has_std.then(|| format!("{}_std", column.name)))
+        });
+        let cells = |(cell, (is_number, has_std)): (&Cell, &(bool, bool))| {
+            let (value, std) = match cell.value {
+                Value::Number(value) => (full(Some(value)), None),
+                Value::Estimate(value, std) => (full(Some(value)), full(std)),
+                Value::Words if !is_number => (Some(escape::cell(&cell.text).into_owned()), None),
+                Value::Words | Value::Unknown => (None, None),
+            };
+            std::iter::once(value.unwrap_or_default()).chain(has_std.then(|| std.unwrap_or_default()))
         };
-        let rows = self.rows.iter().map(|row| row.iter().zip(&numeric).map(cell).collect());
-        for row in std::iter::once(header).chain(rows) {
+        let rows = self.rows.iter().map(|row| row.iter().zip(&columns).flat_map(cells).collect());
+        for row in std::iter::once(header.collect()).chain(rows) {
             let row: Vec<String> = row;
             writer.write_record(&row).expect("memory takes all, and rows are as long as the header");
         }
         let bytes = writer.into_inner().expect("memory takes all");
         String::from_utf8(bytes).expect("it was written from text")
+    }
+
+    /// The rows for programs: an object each, by the names of the columns. What is not known is null.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        let columns: Vec<(&Column, bool)> =
+            self.columns.iter().enumerate().map(|(index, column)| (column, self.has_std(index))).collect();
+        let row = |row: &Vec<Cell>| {
+            let mut object = serde_json::Map::new();
+            for ((column, has_std), cell) in columns.iter().zip(row) {
+                let (value, std) = match &cell.value {
+                    Value::Words => (json!(cell.text), None),
+                    Value::Number(value) => (json!(value), None),
+                    Value::Estimate(value, std) => (json!(value), *std),
+                    Value::Unknown => (serde_json::Value::Null, None),
+                };
+                object.insert(column.name.to_owned(), value);
+                if *has_std {
+                    object.insert(format!("{}_std", column.name), json!(std));
+                }
+            }
+            serde_json::Value::Object(object)
+        };
+        self.rows.iter().map(row).collect()
     }
 }
 
@@ -152,6 +222,7 @@ mod tests {
                 vec![Cell::text("a, b.csv"), Cell::number(98.765_432_1, 2)],
                 vec![Cell::text("c.csv"), Cell::optional(None, 2)],
             ],
+            ..Table::default()
         };
         assert_eq!(table.csv(), "file,fit_percent\n\"a, b.csv\",98.7654321\nc.csv,\n");
         assert_eq!(table.rows[0][1].text, "98.77");

@@ -5,9 +5,8 @@ use textwrap::core::display_width;
 use textwrap::{Options, WordSeparator, WordSplitter};
 
 use super::Table;
+use crate::words::WIDTH;
 
-/// Columns of a terminal.
-const WIDTH: usize = 80;
 /// What each line begins with.
 const INDENT: usize = 2;
 /// Between two columns; one where there is no room for more.
@@ -33,12 +32,14 @@ fn narrowest(heading: &str, most: usize) -> usize {
 }
 
 impl Table {
-    /// The caption and the table, no wider than 80 columns. Headings are broken where the columns would be too wide for a line, then
+    /// The caption, the table without the columns that are detail, and the notes, no wider than 80 columns. Headings are broken where the columns would be too wide for a line, then
     /// the widest words are; a table that is too wide even so goes on below, with its first column again.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text: String = lines(&self.caption, WIDTH).iter().map(|line| format!("{line}\n")).collect();
-        let mut rest: Vec<usize> = (0..self.columns.len()).collect();
+        let mut rest: Vec<usize> = (0..self.columns.len())
+            .filter(|column| !self.columns[*column].is_detail && self.is_known(column))
+            .collect();
         while !rest.is_empty() {
             let least = rest.len().min(2);
             let fitting = (least..=rest.len()).rev().find_map(|taken| Some((taken, self.layout(&rest[..taken])?)));
@@ -50,6 +51,9 @@ impl Table {
                 rest.insert(0, 0);
                 text.push('\n');
             }
+        }
+        for note in &self.notes {
+            text.extend(lines(note, WIDTH - INDENT).iter().map(|line| format!("{:INDENT$}{line}\n", "")));
         }
         text
     }
@@ -128,7 +132,7 @@ mod tests {
     use crate::table::{Cell, Column, Table};
 
     fn table(columns: Vec<Column>, rows: Vec<Vec<Cell>>) -> String {
-        Table { name: "t".to_owned(), caption: "Fit".to_owned(), columns, rows }.text()
+        Table { name: "t".to_owned(), caption: "Fit".to_owned(), columns, rows, ..Table::default() }.text()
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! What came out beside what the paper prints, for the report.
 
-use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict};
+use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict, with_std};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
+use rotorlead_results::bandwidth_cell;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_results::{bandwidth_cell, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -174,5 +174,6 @@ fn table(name: &str, caption: &str, columns: Vec<Column>, rows: impl Iterator<It
         caption: caption.to_owned(),
         columns: std::iter::once(nominal).chain(columns).collect(),
         rows: rows.collect(),
+        ..Table::default()
     }
 }

@@ -123,6 +123,7 @@ impl InverseDemonstration {
                 Column::new("inverse_rise_ms", "rise with inverse", "ms"),
             ],
             rows: self.simulated.iter().zip(&self.measured).map(row).collect(),
+            ..Table::default()
         }
     }
 }

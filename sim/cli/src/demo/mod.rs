@@ -16,7 +16,7 @@ use rotorlead_answer::{Color, Figure, FigureKind, Mark, Report};
 use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
-    PeriodicOptions, RecordValidation, bandwidth_of, identify, identify_periodic, validate,
+    PeriodicOptions, RecordValidation, bandwidth_of, identify_periodic, validate,
 };
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
@@ -24,7 +24,7 @@ use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
-    Curve, bandwidth_section, bode, design_section, excitation_section, identification_section, measured_response,
+    Curve, IdentifyResult, bandwidth_section, bode, design_section, excitation_section, measured_response,
     simulation_and_experiment, validation_section,
 };
 use serde::Serialize;
@@ -145,9 +145,9 @@ impl Demo {
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
         let bar = progress::spinner("identifying");
-        let identified = identify(&stand, &IdentifyOptions::default())?;
-        let found = identified.lags.in_frequency().expect("the paper's plan has multisines");
-        let model = &identified.model;
+        let identified = IdentifyResult::of(&stand, &IdentifyOptions::default())?;
+        let found = identified.identification.lags.in_frequency().expect("the paper's plan has multisines");
+        let model = &identified.identification.model;
         let validated = validate(&stand, model)?;
         let design = design(model, &DesignOptions { slew_per_s: self.slew, ..DesignOptions::default() })?;
         bar.finish_and_clear();
@@ -194,7 +194,7 @@ impl Demo {
             bandwidth.figures.push(inverse.figure.clone());
             let sections = vec![
                 result.beside_the_paper(),
-                identification_section(&identified, &stand),
+                identified.answer(&stand).section(),
                 excitation_section(&stand),
                 validation_section(&validated, stand.output),
                 design_section(&compensator, model),

@@ -8,7 +8,7 @@ use rotorlead_results::verdict;
 
 use super::Demonstrated;
 use crate::design::describe;
-use crate::outcome::wrapped;
+use rotorlead_answer::words::wrapped;
 
 impl Demonstrated<'_> {
     /// For people.

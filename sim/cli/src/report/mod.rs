@@ -15,9 +15,10 @@ use rotorlead_report::html;
 
 use parts::{Asked, Parts};
 
-use super::outcome::{JsonOption, Outcome, wrapped};
+use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
 use super::report_option::FiguresOption;
+use rotorlead_answer::words::wrapped;
 
 /// Width of what is said.
 const WIDTH: usize = 80;

@@ -11,12 +11,10 @@ use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
     design_inverse,
 };
-use rotorlead_identify::{
-    Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify,
-};
+use rotorlead_identify::{IdentifyOptions, MeasuredBandwidth, RecordValidation};
 use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
-use rotorlead_records::{Experiment, LongRecord};
-use rotorlead_results::{DesignRequest, Kind, transform};
+use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
+use rotorlead_results::{DesignRequest, IdentifyResult, Kind, transform};
 use rotorlead_vehicle::{Purpose, Recommendation, design_options, recommend};
 
 use crate::bandwidth::RESAMPLES;
@@ -32,7 +30,7 @@ pub(super) type Part<T> = Result<T, String>;
 
 /// All that was computed.
 pub(super) struct Parts {
-    pub identified: Part<Identification>,
+    pub identified: Part<IdentifyResult>,
     /// The given model, or the one identified.
     pub model: Model,
     pub validated: Part<Vec<RecordValidation>>,
@@ -98,12 +96,13 @@ impl Parts {
     ) -> miette::Result<Self> {
         let bar = progress::estimate("identifying", diagnosis::STEPS);
         let long: &[LongRecord] = &[];
-        let identified = transform(experiment, long)
-            .map_err(miette::Report::from)
-            .and_then(|long| Ok(identify(experiment, &IdentifyOptions { long: &long, ..IdentifyOptions::default() })?));
+        let identified = transform(experiment, long).map_err(miette::Report::from).and_then(|long| {
+            let options = IdentifyOptions { long: &long, ..IdentifyOptions::default() };
+            Ok(IdentifyResult::of(experiment, &options)?)
+        });
         let model = match (given, &identified) {
             (Some(model), _) => model.clone(),
-            (None, Ok(identified)) => identified.model.clone(),
+            (None, Ok(found)) => found.identification.model.clone(),
             (None, Err(_)) => {
                 return identified
                     .map(|_| unreachable!("it is an error"))
@@ -111,15 +110,19 @@ impl Parts {
             }
         };
         bar.set_message("validating");
-        let Assessment { judgement, mut recommendation, records } = assess(experiment, &model, NotCompared::default());
+        let assessment = match (given, &identified) {
+            (None, Ok(found)) => found.assessment.clone(),
+            _ => assess(experiment, &model, NotCompared::default()),
+        };
+        let Assessment { judgement, mut recommendation, records } = assessment;
         let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
-        if let Ok(identified) = &identified {
-            identified.warnings.iter().cloned().for_each(|warning| findings.warn(warning));
+        if let Ok(found) = &identified {
+            found.findings.iter().cloned().for_each(|warning| findings.warn(warning));
         }
         bar.set_message("measuring");
-        let found = identified.as_ref().ok().and_then(|identified| identified.lags.in_frequency());
+        let found = identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
         let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
         let diagnosed = with_diagnosis.then(|| {
             bar.set_message("diagnosing");
@@ -142,7 +145,7 @@ impl Parts {
             Some(Ok(found)) if found.verdict != Verdict::Agrees => Some(found),
             _ => None,
         };
-        let is_of_steps = identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some());
+        let is_of_steps = identified.as_ref().is_ok_and(|found| found.identification.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
         if let Some(extended) = &extended {
             // Whether it is a lag with what was missing in it, the redesign says.
@@ -189,7 +192,7 @@ impl Parts {
 
     /// Whether the lags are those of steps.
     pub fn is_of_steps(&self) -> bool {
-        self.identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some())
+        self.identified.as_ref().is_ok_and(|found| found.identification.lags.in_time().is_some())
     }
 
     /// What a diagnosis found to be missing.

@@ -4,10 +4,9 @@ use std::path::Path;
 
 use rotorlead_answer::{Report, Section, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
-use rotorlead_identify::Finding;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{DesignOptions, InverseOptions};
-use rotorlead_records::Experiment;
+use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
     JudgementValues, PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
     excitation_section, lost_gain, measured_response, parameter_with_std, simulation_and_experiment, to_fly,
@@ -18,7 +17,6 @@ use serde_json::{Value, json};
 use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
-use crate::identify::sections;
 use crate::outcome::without_mark;
 use crate::report_option::this_command;
 use crate::report_pages;
@@ -39,9 +37,9 @@ impl Parts {
     }
 
     fn sections(&self, experiment: &Experiment) -> Vec<Section> {
-        let found = self.identified.as_ref().ok().and_then(|identified| identified.lags.in_frequency());
+        let found = self.identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
         let mut sections = match &self.identified {
-            Ok(identified) => sections(experiment, identified),
+            Ok(found) => vec![found.answer(experiment).section(), excitation_section(experiment)],
             Err(reason) => {
                 vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
             }
@@ -115,7 +113,7 @@ impl Parts {
             verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
         if let Some(recommendation) = &self.recommendation {
-            verdicts.push(Verdict::new(Tone::Plain, "What to fly:").with(to_fly(recommendation).to_vec()));
+            verdicts.push(Verdict::new(Tone::Plain, "What to fly:").with(to_fly(recommendation)));
         }
         match &self.designed {
             Ok(Designed { design, points, phases, .. }) => {
@@ -238,7 +236,7 @@ fn left_out(name: &str, title: &str, reason: &str) -> Section {
 
 #[cfg(test)]
 mod tests {
-    use rotorlead_identify::{Severity, Topic};
+    use rotorlead_records::{Severity, Topic};
 
     use super::*;
 

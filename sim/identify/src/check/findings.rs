@@ -1,8 +1,9 @@
 //! All findings of a folder, each said once.
 
 use miette::Diagnostic;
+use rotorlead_records::{Finding, Severity, Topic};
 
-use crate::{Finding, IdentifyError, Severity, Topic};
+use crate::IdentifyError;
 
 /// What was found, in the order in which it was.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Point;
-use rotorlead_records::{Excitation, Experiment, Record};
+use rotorlead_records::{Excitation, Experiment, Finding, Record, Severity, Topic};
 
 use super::RecordFault;
 use super::period::of_period;
@@ -13,7 +13,6 @@ use crate::even_rows;
 use crate::periodic::plausibility;
 use crate::saturation::{self, Limit};
 use crate::steps::rows_after_gaps;
-use crate::{Finding, Severity, Topic};
 use crate::{IdentifyError, IdentifyWarning};
 
 /// Rows a second below which no motor's lag is seen.

@@ -1,9 +1,10 @@
 //! What an identification from periodic records has to say beside its numbers.
 
 use miette::Diagnostic;
+use rotorlead_records::Topic;
 use thiserror::Error;
 
-use crate::{STRONG_DISTORTION_DB, Topic, times_noise};
+use crate::{STRONG_DISTORTION_DB, times_noise};
 
 /// What a user should know about an identification that succeeded.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]

@@ -33,6 +33,7 @@ pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis) -> Section {
                 .iter()
                 .map(|one| vec![Cell::text(one.kind.id), Cell::text(one.reason.clone())])
                 .collect(),
+            ..Table::default()
         });
     }
     let figures = bandwidth_diagnosis_figures(found);
@@ -63,16 +64,17 @@ pub fn ratios_table(found: &BandwidthDiagnosis) -> Table {
         ),
         columns: vec![
             Column::new("u_nom", "u_nom", "duty"),
-            Column::new("uncompensated_measured_rad_s", "without, measured", "rad/s"),
-            Column::new("uncompensated_simulated_rad_s", "simulated", "rad/s"),
+            Column::new("uncompensated_measured_rad_s", "without, measured", "rad/s").in_detail(),
+            Column::new("uncompensated_simulated_rad_s", "simulated", "rad/s").in_detail(),
             Column::new("uncompensated_ratio", "ratio without", ""),
             Column::new("uncompensated_share_percent", "of the gap", "%"),
-            Column::new("compensated_measured_rad_s", "with, measured", "rad/s"),
-            Column::new("compensated_simulated_rad_s", "simulated", "rad/s"),
+            Column::new("compensated_measured_rad_s", "with, measured", "rad/s").in_detail(),
+            Column::new("compensated_simulated_rad_s", "simulated", "rad/s").in_detail(),
             Column::new("compensated_ratio", "ratio with", ""),
             Column::new("compensated_share_percent", "of the gap", "%"),
         ],
         rows: rows.collect(),
+        ..Table::default()
     }
 }
 
@@ -109,6 +111,7 @@ pub fn explanations_table(found: &BandwidthDiagnosis) -> Table {
             Column::new("held_out_rms", "column that was predicted", ""),
         ],
         rows: std::iter::once(as_it_is).chain(explained).collect(),
+        ..Table::default()
     }
 }
 
@@ -136,5 +139,6 @@ pub fn predicted_table(found: &BandwidthDiagnosis, one: &Explanation) -> Table {
             Column::new("parameters", "parameters", ""),
         ],
         rows: rows.collect(),
+        ..Table::default()
     }
 }

@@ -138,6 +138,7 @@ pub fn curve_table(inverse: &InverseCompensator) -> Table {
             Column::new("path", "", ""),
         ],
         rows: inverse.points().iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -252,5 +253,6 @@ fn parameters(name: &str, caption: &str, rows: Vec<Vec<Cell>>) -> Table {
         caption: caption.to_owned(),
         columns: vec![column("name", ""), column("value", "value"), column("unit", "unit"), column("meaning", "")],
         rows,
+        ..Table::default()
     }
 }

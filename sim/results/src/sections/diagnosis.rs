@@ -114,6 +114,7 @@ pub fn gap_table(found: &Diagnosis) -> Table {
             Column::new("noise_percent", "noise", "%"),
         ],
         rows,
+        ..Table::default()
     }
 }
 
@@ -141,6 +142,7 @@ pub fn excess_table(found: &Diagnosis) -> Table {
         caption: "Where the excess chi-square of the first model lies, in percent".to_owned(),
         columns: vec![Column::new("axis", "axis", ""), Column::new("parts", "largest parts", "")],
         rows: rows.collect(),
+        ..Table::default()
     }
 }
 
@@ -193,6 +195,7 @@ pub fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Par
         caption,
         columns: vec![Column::new("parameter", "parameter", ""), Column::new("value", "value", "")],
         rows: parameters.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -216,6 +219,7 @@ fn lags(found: &Diagnosis) -> Table {
             Column::new("pole_rad_s", "1/tau", "rad/s"),
         ],
         rows: found.model.points.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -243,6 +247,7 @@ fn effects(effects: &[NamedEffect]) -> Table {
             Column::new("alternatives", "cannot be distinguished from", ""),
         ],
         rows: effects.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -271,6 +276,7 @@ fn decisions(decisions: &[Decision]) -> Table {
             Column::new("outcome", "outcome", ""),
         ],
         rows: decisions.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -289,5 +295,6 @@ fn tried(tried: &[TriedKind]) -> Table {
             Column::new("held_out_gain", "on what was held out", ""),
         ],
         rows: tried.iter().map(row).collect(),
+        ..Table::default()
     }
 }

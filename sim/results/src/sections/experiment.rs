@@ -59,6 +59,7 @@ fn records(experiment: &Experiment) -> Table {
             Column::new("length_s", "length", "s"),
         ],
         rows: experiment.records.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 

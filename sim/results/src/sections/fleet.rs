@@ -58,6 +58,7 @@ pub fn usual_table(time_constants: &Comparison, gains: &Comparison, output: Opti
             Column::new("gain", "gain", output.map_or("", unit)),
         ],
         rows: time_constants.levels.iter().zip(&gains.levels).map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -112,6 +113,7 @@ pub fn motors_table(time_constants: &Comparison, gains: &Comparison) -> Table {
             Column::new("note", "", ""),
         ],
         rows: time_constants.motors.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -151,6 +153,7 @@ pub fn logs_table(rows: &[FleetRow], time_constants: &Comparison, gains: &Compar
             Column::new("note", "", ""),
         ],
         rows: rows.iter().enumerate().map(row).collect(),
+        ..Table::default()
     }
 }
 

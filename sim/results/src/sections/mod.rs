@@ -6,7 +6,6 @@ mod design;
 mod diagnosis;
 mod experiment;
 mod fleet;
-mod identification;
 mod redesign;
 mod stand;
 mod validation;
@@ -21,7 +20,6 @@ pub use design::{
 pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table, parameter_table};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use fleet::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
-pub use identification::{identification_section, identification_tables, laws_table};
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
 pub use validation::validation_section;
@@ -29,7 +27,7 @@ pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table,
 
 use rotorlead_answer::Cell;
 
-use crate::number::with_std;
+use rotorlead_answer::with_std;
 
 /// A value with its standard error, both times `scale`.
 fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {

@@ -56,6 +56,7 @@ pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
             Column::new("chain_phase_rad_s", "whole chain to -90 degrees", "rad/s"),
         ],
         rows: compensated.points.iter().map(row).collect(),
+        ..Table::default()
     }
 }
 
@@ -88,5 +89,6 @@ fn limits(points: &[RedesignPoint]) -> Option<Table> {
             Column::new("reachable_rad_s", "reachable with any filter", "rad/s"),
         ],
         rows,
+        ..Table::default()
     })
 }

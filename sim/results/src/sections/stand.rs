@@ -59,5 +59,6 @@ pub fn stand_table(stand: &StandIdentification) -> Table {
             Column::new("damping", "damping ratio", ""),
         ],
         rows: rows.collect(),
+        ..Table::default()
     }
 }

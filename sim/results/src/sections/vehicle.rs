@@ -62,6 +62,7 @@ pub fn vehicle_table(study: &Study, airframe: &Airframe, index: usize, is_range:
             Column::new("verdict", "than none", ""),
         ],
         rows: rows.iter().map(|row| cells(row, &rows[0])).collect(),
+        ..Table::default()
     }
 }
 
@@ -97,12 +98,14 @@ pub fn vehicle_other_table(study: &Study, airframe: &Airframe, index: usize) -> 
             Some(kept) => kept.max_sensitivity.map_or_else(|| Cell::text("unstable"), |value| Cell::number(value, 2)),
         };
         let own = row.performance.as_ref();
-        vec![
+        let mut cells = vec![
             Cell::text(row.actuator.name()),
             Cell::optional(own.map(|own| own.margins.bandwidth_rad_s), 1),
             Cell::optional(own.map(|own| own.disturbance_peak_deg), 2),
-            sensitivity,
-        ]
+        ];
+        // At the first latency these are the gains that were tuned for it.
+        cells.extend((index > 0).then_some(sensitivity));
+        cells
     };
     let without_d = format!(
         "Latency {}, {:.2} alone: without a D term (- where no gains keep the margins)",
@@ -110,22 +113,19 @@ pub fn vehicle_other_table(study: &Study, airframe: &Airframe, index: usize) -> 
         airframe.hover.command
     );
     let kept = format!(", and the largest sensitivity with the gains for {}", milliseconds(first));
-    let table = Table {
+    let mut columns = vec![
+        Column::new("actuator", "actuator", ""),
+        Column::new("without_d_bandwidth_rad_s", "bandwidth without D", "rad/s"),
+        Column::new("without_d_disturbance_peak_deg", "peak without D", "deg"),
+    ];
+    columns.extend((index > 0).then(|| Column::new("kept_gains_max_sensitivity", "sensitivity with those gains", "")));
+    Table {
         name: format!("vehicle_without_d_latency_{}", index + 1),
         caption: if index == 0 { without_d } else { without_d + &kept },
-        columns: vec![
-            Column::new("actuator", "actuator", ""),
-            Column::new("without_d_bandwidth_rad_s", "bandwidth without D", "rad/s"),
-            Column::new("without_d_disturbance_peak_deg", "peak without D", "deg"),
-            Column::new("kept_gains_max_sensitivity", "sensitivity with those gains", ""),
-        ],
+        columns,
         rows: at.without_d.iter().map(row).collect(),
-    };
-    // At the first latency these are the gains that were tuned for it.
-    if index == 0 {
-        return table.select(&["actuator", "without_d_bandwidth_rad_s", "without_d_disturbance_peak_deg"]);
+        ..Table::default()
     }
-    table
 }
 
 /// The gain sets at the latency `index`, with what they keep.
@@ -162,6 +162,7 @@ pub fn vehicle_gains_table(study: &Study, index: usize) -> Table {
             Column::new("actuator_noise", "noise", ""),
         ],
         rows: rows.collect(),
+        ..Table::default()
     }
 }
 
@@ -194,6 +195,7 @@ pub fn vehicle_force_table(study: &Study, airframe: &Airframe) -> Option<Table> 
             Column::new("tracking_error_over_none", "over none", ""),
         ],
         rows: study.lateral.iter().map(row).collect(),
+        ..Table::default()
     })
 }
 

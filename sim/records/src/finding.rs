@@ -75,6 +75,21 @@ impl Finding {
         }
     }
 
+    /// What is wrong, and behind a semicolon what to do about it.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        match &self.remedy {
+            Some(remedy) => format!("{}; {remedy}", self.message),
+            None => self.message.clone(),
+        }
+    }
+
+    /// A warning of an identification, in words.
+    #[must_use]
+    pub fn warning(message: String, remedy: Option<String>) -> Self {
+        Self { severity: Severity::Warning, topic: Topic::Identification, file: None, row: None, message, remedy }
+    }
+
     /// The same about a row, counted from one.
     #[must_use]
     pub fn at_row(mut self, row: Option<usize>) -> Self {

@@ -1,0 +1,110 @@
+//! What a question came to, once, for whoever reads it.
+
+use rotorlead_records::Finding;
+use serde_json::{Map, Value, json};
+
+use crate::figure::Figure;
+use crate::report::{Section, Verdict};
+use crate::table::{Table, Weight};
+use crate::words::paragraph;
+
+/// Findings that a terminal shows; what further ones say changes the answer less.
+const MOST_FINDINGS: usize = 4;
+/// Sentences of the verdict that a terminal shows below its headline.
+const MOST_SENTENCES: usize = 3;
+
+/// An answer: what came out, what is to be known of it, and the numbers behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Name of its place in a report.
+    pub name: &'static str,
+    /// Its heading there.
+    pub title: &'static str,
+    /// How its numbers are to be read, in a report.
+    pub text: Vec<String>,
+    /// What came out.
+    pub verdict: Verdict,
+    /// What is wrong with what it rests on, each with what to do.
+    pub findings: Vec<Finding>,
+    /// The numbers.
+    pub tables: Vec<Table>,
+    /// The pictures.
+    pub figures: Vec<Figure>,
+    /// What programs read beside the headline, the findings and the tables.
+    pub values: Map<String, Value>,
+}
+
+/// An answer as a terminal shows it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Text {
+    /// The tables, and the findings that weigh most.
+    pub shown: String,
+    /// Whatever is not among them, for who asks for it.
+    pub detail: String,
+    /// The verdict, which comes last.
+    pub verdict: String,
+}
+
+impl Answer {
+    /// For a terminal.
+    #[must_use]
+    pub fn text(&self) -> Text {
+        let tables = |weight: Weight| -> Vec<String> {
+            self.tables.iter().filter(|table| table.weight == weight).map(Table::text).collect()
+        };
+        let findings = |findings: &[Finding]| -> String {
+            findings.iter().map(|finding| paragraph(&format!("warning: {}", finding.sentence()), "  ")).collect()
+        };
+        let (first, folded) = self.findings.split_at(self.findings.len().min(MOST_FINDINGS));
+        let shown = tables(Weight::Shown).into_iter().chain((!first.is_empty()).then(|| findings(first)));
+        let mut shown = shown.collect::<Vec<_>>().join("\n");
+        if !folded.is_empty() {
+            shown += &format!("{} further warnings, of less weight: --verbose prints them\n", folded.len());
+        }
+        let detail = tables(Weight::Detail).into_iter().chain((!folded.is_empty()).then(|| findings(folded)));
+        let mut detail = detail.collect::<Vec<_>>().join("\n");
+        let sentences = &self.verdict.sentences;
+        let (said, rest) = sentences.split_at(sentences.len().min(MOST_SENTENCES));
+        let listed = |sentences: &[String]| -> String {
+            sentences.iter().map(|sentence| paragraph(&format!("- {sentence}"), "  ")).collect()
+        };
+        if !rest.is_empty() {
+            detail += &format!("\n{}", listed(rest));
+        }
+        Text { shown, detail, verdict: paragraph(&self.verdict.headline, "  ") + &listed(said) }
+    }
+
+    /// For programs: the headline, the findings as sentences, the rows of tables that have a key, and the further values.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let mut object = Map::new();
+        object.insert("headline".to_owned(), json!(self.verdict.headline));
+        for table in &self.tables {
+            if let Some(key) = table.key {
+                object.insert(key.to_owned(), table.json());
+            }
+        }
+        let sentences: Vec<String> = self.findings.iter().map(Finding::sentence).collect();
+        object.insert("warnings".to_owned(), json!(sentences));
+        object.extend(self.values.clone());
+        Value::Object(object)
+    }
+
+    /// For a report.
+    #[must_use]
+    pub fn section(&self) -> Section {
+        let tables = self.tables.iter().filter(|table| table.weight != Weight::Programs);
+        Section {
+            text: self.text.clone(),
+            tables: tables.cloned().collect(),
+            figures: self.figures.clone(),
+            ..Section::new(self.name, self.title)
+        }
+    }
+
+    /// The findings as a report lists them.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        self.findings.iter().map(Finding::sentence).collect()
+    }
+}

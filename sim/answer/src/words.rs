@@ -1,0 +1,25 @@
+//! Sentences for a terminal.
+
+use rotorlead_records::files::printable_line;
+use textwrap::{Options, WordSeparator, WordSplitter};
+
+/// Columns of a terminal.
+pub const WIDTH: usize = 80;
+
+/// Text no wider than a terminal, words and paths whole; all lines but the first begin with `indent`. Ends with a line break.
+#[must_use]
+pub fn paragraph(text: &str, indent: &str) -> String {
+    wrapped(text, WIDTH, indent) + "\n"
+}
+
+/// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts. Names in it that have
+/// line breaks make no lines of their own.
+#[must_use]
+pub fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
+    let options = Options::new(width)
+        .subsequent_indent(indent)
+        .break_words(false)
+        .word_splitter(WordSplitter::NoHyphenation)
+        .word_separator(WordSeparator::AsciiSpace);
+    textwrap::fill(&printable_line(sentence), options)
+}

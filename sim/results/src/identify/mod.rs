@@ -1,0 +1,190 @@
+//! What identification finds.
+
+mod headline;
+mod intervals;
+mod laws;
+mod map;
+mod other_output;
+mod tables;
+
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_answer::{Answer, Figure, Table, Tone, Verdict, Weight};
+use rotorlead_assess::{Assessment, NotCompared, assess};
+use rotorlead_identify::static_map::StaticMapFit;
+use rotorlead_identify::steps::{LawComparison, compare_laws};
+use rotorlead_identify::{
+    Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError, PeriodicIdentification, PeriodicOptions,
+    Spectrum, identify, step_record,
+};
+use rotorlead_plant::Word;
+use rotorlead_records::{Experiment, Finding, LongRecord, Output, Record};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use self::headline::headline;
+use self::intervals::intervals;
+use self::other_output::OtherOutput;
+use super::distortion::{DistortionValues, distortion_table};
+use super::figures::etfe::responses;
+use super::figures::static_map::static_map;
+use super::figures::steps::{steps, time_constant_curve};
+use super::points::ChirpValues;
+use super::recommendation::{JudgementValues, recommendation_table, to_fly};
+
+/// An identification, and what follows from it and its records.
+pub struct IdentifyResult {
+    /// The model, and where its lags come from.
+    pub identification: Identification,
+    /// One lag beside one that depends on the speed, of steps.
+    pub laws: Option<LawComparison>,
+    /// The lag of the column that is not the response, of steps.
+    pub other_output: Option<OtherOutput>,
+    /// Whether a compensator may be built on the model, and what to fly.
+    pub assessment: Assessment,
+    /// What the user should know of it.
+    pub findings: Vec<Finding>,
+}
+
+/// A static map, and a table of eleven commands that make the response linear.
+#[derive(Serialize)]
+struct MapValues<'a> {
+    #[serde(flatten)]
+    fit: &'a StaticMapFit,
+    degree: usize,
+    linearization: Option<Vec<(f64, f64)>>,
+}
+
+impl<'a> MapValues<'a> {
+    fn new(fit: &'a StaticMapFit) -> Self {
+        Self { fit, degree: fit.degree(), linearization: fit.linearization(11) }
+    }
+}
+
+impl IdentifyResult {
+    /// Identifies a motor from the records of an experiment.
+    ///
+    /// # Errors
+    /// Those of [`identify`].
+    pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
+        let mut identification = identify(experiment, options)?;
+        let not_compared = NotCompared { long: !options.long.is_empty(), stand: options.stand.is_some() };
+        let assessment = assess(experiment, &identification.model, not_compared);
+        if let Some(provenance) = &mut identification.model.provenance {
+            provenance.judgement = Some(assessment.judgement.clone());
+        }
+        let mut findings = identification.warnings.clone();
+        let in_time = identification.lags.in_time();
+        let laws = in_time.map(|_| compare_laws(step_record(experiment)?, experiment.output).map_err(Into::into));
+        let laws = laws.transpose().unwrap_or_else(|error: IdentifyError| {
+            let message = format!("one lag was not compared with one that depends on the speed: {error}");
+            findings.push(Finding::warning(message, None));
+            None
+        });
+        Ok(Self {
+            laws,
+            other_output: in_time.and_then(|fit| OtherOutput::of(experiment, fit)),
+            assessment,
+            findings,
+            identification,
+        })
+    }
+
+    /// The answer. What is not known is null for programs.
+    #[must_use]
+    pub fn answer(&self, experiment: &Experiment) -> Answer {
+        let identified = &self.identification;
+        let output = experiment.output;
+        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        let mut detail: Vec<Table> = self.laws.iter().map(laws::table).collect();
+        detail.extend(identified.lags.in_time().map(tables::steps));
+        detail.extend(identified.lags.in_frequency().and_then(distortion_table).map(Table::in_detail));
+        detail.extend(identified.static_map.iter().flat_map(|(_, fit)| map::tables(fit, output)));
+        if matches!(identified.lags, Lags::None) {
+            // A static map is all that there is to say then.
+            detail.iter_mut().for_each(|table| table.weight = Weight::Shown);
+        }
+        detail.extend(recommendation.iter().map(|found| recommendation_table(found).in_detail()));
+        Answer {
+            name: "identification",
+            title: "Identified lags",
+            text: vec![
+                "At each nominal command the actuator is a first-order lag, response = gain / (tau s + 1), with a dead time where \
+                 the records show one. ± is one standard error, of the noise alone."
+                    .to_owned(),
+            ],
+            verdict: self.verdict(output),
+            findings: self.findings.clone(),
+            tables: [tables::lags(identified, experiment), detail].concat(),
+            figures: figures(identified, experiment),
+            values: self.values(output, JudgementValues::new(judgement, recommendation.as_ref())),
+        }
+    }
+
+    /// The lag, whether a compensator may be built on it, what to fly, and what speaks against it.
+    fn verdict(&self, output: Output) -> Verdict {
+        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        let (first, others) = judgement.limits.split_at(judgement.limits.len().min(1));
+        let to_fly = recommendation.iter().flat_map(to_fly);
+        let other_output = self.other_output.iter().map(|other| other.sentence(output));
+        let sentences = first.iter().cloned().chain(to_fly).chain(others.iter().cloned()).chain(other_output);
+        Verdict::new(tone(judgement.state), headline(&self.identification, judgement)).with(sentences.collect())
+    }
+
+    fn values(&self, output: Output, judgement: JudgementValues) -> Map<String, Value> {
+        let identified = &self.identification;
+        let chirps = identified.lags.chirps();
+        let in_frequency = identified.lags.in_frequency();
+        let distortion =
+            |found: &PeriodicIdentification| -> Vec<_> { found.nominals.iter().map(DistortionValues::of).collect() };
+        let responses = chirps.map(|found| found.responses.iter().map(ChirpValues::new).collect::<Vec<_>>());
+        let values = json!({
+            "judgement": judgement,
+            "output": output,
+            "other_output": self.other_output,
+            "detail": identified.lags.in_time(),
+            "distortion": in_frequency.filter(|_| chirps.is_none()).map(distortion),
+            "intervals": in_frequency.map(intervals),
+            "frequency_responses": responses,
+            "alignment": null,
+            "static_map": identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
+            "laws": self.laws,
+        });
+        let Value::Object(values) = values else { unreachable!("it has keys") };
+        values
+    }
+}
+
+/// How good the news of a judgement is.
+#[must_use]
+pub fn tone(state: Word) -> Tone {
+    match state {
+        Word::Ready => Tone::Good,
+        Word::ReadyWithinLimits => Tone::Plain,
+        Word::MeasureAgain | Word::NotALag => Tone::Attention,
+    }
+}
+
+/// The responses that the lags were fitted to, and the static map.
+fn figures(identified: &Identification, experiment: &Experiment) -> Vec<Figure> {
+    let output = experiment.output;
+    let mut figures: Vec<Figure> =
+        identified.lags.in_frequency().and_then(|found| responses(found, output)).into_iter().collect();
+    if let Some(fit) = identified.lags.in_time() {
+        let record = experiment.records.iter().find(|record| record.file == fit.record);
+        figures.extend(record.and_then(|record| steps(fit, record)));
+        figures.extend(time_constant_curve(fit));
+    }
+    figures.extend(identified.static_map.as_ref().map(|(points, fit)| static_map(points, fit, output)));
+    figures
+}
+
+/// The spectra of records that stay on disk, side by side.
+pub fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Record, Spectrum)>, LongRecordError> {
+    let options = PeriodicOptions::default().spectrum;
+    let spectra: Vec<_> = long
+        .par_iter()
+        .map(|record| Ok((record.header.clone(), Spectrum::of_long(experiment, record, &options)?)))
+        .collect();
+    // The error is that of the first faulty record, whichever is found first.
+    spectra.into_iter().collect()
+}

@@ -1,0 +1,167 @@
+//! The tables of an identification.
+
+use std::f64::consts::TAU;
+
+use rotorlead_answer::{Datum, Table, Typed, Unit, Weight, table_of};
+use rotorlead_identify::steps::{Branch, Level, StaircaseFit, Step};
+use rotorlead_identify::{
+    ChirpIdentification, ChirpResponse, Identification, Lags, PeriodicIdentification, ResponseLine, power_over_noise,
+};
+use rotorlead_numerics::sample::median;
+use rotorlead_plant::Point;
+use rotorlead_records::{Excitation, Experiment, Output, Role};
+
+use crate::unit::unit;
+
+/// Below the lags.
+const STANDARD_ERRORS: &str = "tau is the time constant; +- is one standard error, of the noise alone.";
+const DUTY: Unit = Unit::plain("duty");
+const SECONDS: Unit = Unit::plain("s");
+const PERCENT: Unit = Unit::plain("%");
+const NONE: Unit = Unit::plain("");
+
+/// The lags: of each nominal command, or of each level of steps, whose points are for programs.
+pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<Table> {
+    let points = points(identified, experiment.output);
+    match &identified.lags {
+        Lags::Steps(fit) => vec![Table { weight: Weight::Programs, ..points }, levels(fit)],
+        Lags::Multisines(found) => {
+            vec![Table { notes: vec![STANDARD_ERRORS.to_owned(), held_out(experiment, found)], ..points }]
+        }
+        Lags::Chirps(found) => {
+            vec![Table { notes: [vec![STANDARD_ERRORS.to_owned()], fitted_chirps(found)].concat(), ..points }]
+        }
+        Lags::None => vec![Table { weight: Weight::Programs, ..points }],
+    }
+}
+
+/// The points of the model.
+fn points(identified: &Identification, output: Output) -> Table {
+    let points: Vec<(usize, &Point)> = identified.model.points.iter().enumerate().collect();
+    type Row<'a> = (usize, &'a Point);
+    let mut columns = vec![
+        Typed::new("nominal", "u_nom", DUTY, 3, |(_, point): &Row| point.nominal),
+        Typed::new("gain", "gain", Unit::plain(unit(output)), 4, |(_, point): &Row| {
+            Datum::Estimate(point.gain, point.gain_std)
+        }),
+        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            Datum::Estimate(point.time_constant_s, point.time_constant_s_std)
+        }),
+        Typed::new("pole_rad_s", "1/tau", Unit::plain("rad/s"), 3, |(_, point): &Row| 1.0 / point.time_constant_s)
+            .in_detail(),
+        Typed::new("delay_s", "dead time", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            Datum::Estimate(point.delay_s, point.delay_s_std)
+        }),
+        Typed::new("time_constant_up_s", "tau upward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            point.time_constant_up_s
+        }),
+        Typed::new("time_constant_down_s", "tau downward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            point.time_constant_down_s
+        }),
+        Typed::new("fit_frequency_percent", "fit in frequency", PERCENT, 2, |(_, point): &Row| {
+            point.fit_frequency_percent
+        }),
+        Typed::new("fit_square_percent", "fit on squares", PERCENT, 2, |(_, point): &Row| point.fit_square_percent),
+        Typed::new("fit_step_percent", "fit on steps", PERCENT, 2, |(_, point): &Row| point.fit_step_percent),
+    ];
+    if let Some(found) = identified.lags.in_frequency() {
+        columns.push(Typed::new("reduced_chi_square", "chi2 per dof", NONE, 2, |(index, _): &Row| {
+            found.nominals.get(*index).and_then(|one| power_over_noise(one.fit.reduced_chi_square))
+        }));
+    }
+    Table { key: Some("points"), ..table_of("points", "Lag at each nominal command", &columns, &points) }
+}
+
+/// Which records each fit is of.
+fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
+    let judged = |excitation: Excitation, role: Option<Role>| {
+        let records = experiment.records.iter();
+        records.filter(|record| record.excitation == excitation && (role.is_none() || record.role == role)).count()
+    };
+    let squares = judged(Excitation::Square, None);
+    let multisines = judged(Excitation::Multisine, Some(Role::Validate));
+    let (fitted, all) = (found.fitted_files().count(), experiment.records.len());
+    let by_frequency =
+        if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
+    let of_squares = if squares > 0 { "; that on squares is of records that are always held out" } else { "" };
+    format!("Fitted: {fitted} of {all} records. The fit in frequency is of {by_frequency}{of_squares}.")
+}
+
+/// What lags from chirps are fitted to, and how far the response follows the command in each.
+fn fitted_chirps(found: &ChirpIdentification) -> Vec<String> {
+    let fitted =
+        format!("Fitted by the local polynomial method: {}. The fit is of these records.", found.files.join(", "));
+    std::iter::once(fitted).chain(found.responses.iter().filter_map(coherence)).collect()
+}
+
+/// The coherence of a chirp over its band, and where it is lowest.
+fn coherence(chirp: &ChirpResponse) -> Option<String> {
+    let lines = chirp.response.lines.iter().map(|line| line.omega_rad_s / TAU).zip(chirp.coherence.iter().copied());
+    let (lowest_hz, lowest) = lines.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let usual = median(chirp.coherence.iter().copied())?;
+    let hz = |line: Option<&ResponseLine>| line.map_or(0.0, |line| line.omega_rad_s / TAU);
+    let (from_hz, to_hz) = (hz(chirp.response.lines.first()), hz(chirp.response.lines.last()));
+    Some(format!(
+        "{}: coherence {usual:.3} (median) from {from_hz:.2} to {to_hz:.2} Hz, lowest {lowest:.3} at {lowest_hz:.2} Hz.",
+        chirp.file
+    ))
+}
+
+/// The lag at each level: by the curve, and by the steps to it in both directions.
+fn levels(fit: &StaircaseFit) -> Table {
+    let interval = |level: &Level| level.time_constant_s.map(|tau| tau.interval_of_logarithm(0.95));
+    let of_branch = |branch: &Option<Branch>| {
+        branch
+            .and_then(|branch| branch.time_constant_s)
+            .map_or(Datum::Unknown("-"), |tau| Datum::Estimate(tau.value, Some(tau.std)))
+    };
+    let fit_of = |branch: &Option<Branch>| branch.and_then(|branch| branch.fit_percent);
+    // In newtons a gain is a few, in revolutions per minute thousands.
+    let decimals = if fit.output == Output::Rpm { 0 } else { 3 };
+    let columns = [
+        Typed::new("level", "level", DUTY, 3, |level: &Level| level.command),
+        Typed::new("gain", "gain", Unit::plain(unit(fit.output)), decimals, |level: &Level| {
+            level.gain.map(|gain| gain.value)
+        }),
+        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |level: &Level| {
+            level.time_constant_s.map(|tau| tau.value)
+        }),
+        Typed::new("lower_s", "from", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.0)),
+        Typed::new("upper_s", "to", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.1)),
+        Typed::new("time_constant_up_s", "tau up", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.up)),
+        Typed::new("fit_up_percent", "fit", PERCENT, 1, |level: &Level| fit_of(&level.up)),
+        Typed::new("time_constant_down_s", "tau down", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.down)),
+        Typed::new("fit_down_percent", "fit", PERCENT, 1, |level: &Level| fit_of(&level.down)),
+    ];
+    let known = fit.steps.iter().filter(|step| step.time_constant_s().is_some()).count();
+    let caption = format!(
+        "{}: {known} of {} steps carry a lag. Lag at each level: tau of small motions by the curve through all steps, with its \
+         95 % band; tau of the steps to this level",
+        fit.record,
+        fit.steps.len()
+    );
+    table_of("levels", caption, &columns, &fit.levels)
+}
+
+/// Every step, with its lag or the reason why it has none.
+pub(super) fn steps(fit: &StaircaseFit) -> Table {
+    let interval = |step: &Step| step.time_constant_s().map(|tau| tau.interval_of_logarithm(0.95));
+    let columns = [
+        Typed::new("time_s", "time", SECONDS, 2, |step: &Step| step.at_s),
+        Typed::new("from", "from", DUTY, 3, |step: &Step| step.from),
+        Typed::new("to", "to", DUTY, 3, |step: &Step| step.to),
+        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |step: &Step| {
+            step.time_constant_s().map(|tau| tau.value)
+        }),
+        Typed::new("lower_s", "lower", Unit::MILLISECONDS, 1, move |step: &Step| interval(step).map(|ends| ends.0)),
+        Typed::new("upper_s", "upper", Unit::MILLISECONDS, 1, move |step: &Step| interval(step).map(|ends| ends.1)),
+        Typed::new("delay_s", "delay", Unit::MILLISECONDS, 1, |step: &Step| {
+            step.time_constant_s().and(step.lag).map(|lag| lag.delay_s)
+        }),
+        Typed::new("left_out", "left out because", NONE, 0, |step: &Step| {
+            step.fault.map(|fault| fault.to_string()).unwrap_or_default()
+        }),
+    ];
+    let caption = "Every step, with 95 % intervals that hold what single steps differ by";
+    Table { weight: Weight::Detail, ..table_of("each_step", caption, &columns, &fit.steps) }
+}
