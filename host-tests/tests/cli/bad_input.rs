@@ -405,7 +405,7 @@ fn options_that_make_no_sense_are_wrong_use() {
         ("import log.csv --out imported --pulse-us 2000..1000", "LOW below HIGH"),
         ("import log.csv --out imported --pulse-us -5..1000", "of 0 or more"),
         ("identify stand --out found.toml --delay maybe", "auto"),
-        ("identify stand", "--out"),
+        ("import log.csv", "--out"),
         ("validate stand", "--model"),
         ("design --model model.toml --out c.toml --omega-g -5", "above 0"),
         ("design --kind lead --model model.toml --out c.toml --loop-rate 0", "above 0"),

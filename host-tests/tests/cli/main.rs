@@ -21,6 +21,7 @@ mod latency;
 #[cfg(unix)]
 mod mutated;
 mod new;
+mod one_command;
 mod output;
 mod outputs;
 #[cfg(unix)]

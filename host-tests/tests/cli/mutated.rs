@@ -25,7 +25,7 @@ const SHOWN: usize = 2;
 /// The folder into which all of them write.
 const MADE: &str = "made";
 /// Commands over all files. What stands for `@` is a number that is drawn.
-const COMMANDS: [&str; 36] = [
+const COMMANDS: [&str; 43] = [
     "check stand --json made/j.json",
     "check steady",
     "check sim",
@@ -62,6 +62,13 @@ const COMMANDS: [&str; 36] = [
     "import esc32.csv --out made/imported --excitation free",
     "import vectors.mat --out made/imported --excitation steady",
     "import blackbox.bbl --out made/imported --excitation free",
+    "import rcbenchmark.csv esc32.csv --fleet --out made/fleet --json made/j.json",
+    "identify rcbenchmark.csv --json made/j.json",
+    "identify esc32.csv --excitation staircase --output rpm --seconds 0..@ --out made/m.toml",
+    "identify stand/step.csv --excitation step --nominal @ --report made/r.html",
+    "identify vectors.mat --excitation steady --out made/m.toml",
+    "identify blackbox.bbl --pulse-us 1000..@ --motor 1",
+    "report stand/step.csv --excitation step --no-diagnosis --out made/r.html",
 ];
 
 /// Those that simulate for seconds, which are drawn once in [`SELDOM`].

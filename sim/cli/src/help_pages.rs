@@ -18,6 +18,8 @@ pub struct HelpPage {
 
 /// Columns of a page.
 const WIDTH: usize = 120;
+/// Heading of the options that have none of their own.
+const OPTIONS: &str = "Options";
 /// The first line of every page.
 const MARK: &str = "<!-- `cargo xtask docs` writes this page from the help of the command -->\n\n";
 
@@ -96,11 +98,24 @@ fn arguments(text: &mut String, command: &Command, level: usize) {
         positional().for_each(|one| argument(text, one));
         text.push('\n');
     }
-    if options().next().is_some() {
-        let _ = writeln!(text, "{heading} Options\n");
-        options().for_each(|one| argument(text, one));
-        text.push('\n');
+    let mut headings: Vec<&str> = Vec::new();
+    for name in options().map(under).filter(|name| *name != OPTIONS) {
+        if !headings.contains(&name) {
+            headings.push(name);
+        }
     }
+    for name in std::iter::once(OPTIONS).chain(headings) {
+        if options().any(|one| under(one) == name) {
+            let _ = writeln!(text, "{heading} {name}\n");
+            options().filter(|one| under(one) == name).for_each(|one| argument(text, one));
+            text.push('\n');
+        }
+    }
+}
+
+/// The heading under which an option stands.
+fn under(option: &Arg) -> &str {
+    option.get_help_heading().unwrap_or(OPTIONS)
 }
 
 /// `--help` and `--version`, which need no words.

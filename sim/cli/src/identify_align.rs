@@ -10,10 +10,12 @@ use rotorlead_identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
 use rotorlead_records::files::Quantity;
+use rotorlead_records::import::ImportSummary;
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
 use serde::Serialize;
 
 use super::WrongUse;
+use super::measured::{Measured, Reading};
 use super::parameters::number;
 
 /// How logs are merged.
@@ -63,29 +65,35 @@ pub struct Aligned {
     pub experiment: Experiment,
     /// Records whose rows stay on disk; none where logs were merged.
     pub long: Vec<LongRecord>,
-    /// What was found, in words; empty where nothing was to be aligned.
+    /// What was found in a log and of its clock, in words; empty for a folder where nothing was to be aligned.
     pub text: String,
     pub warnings: Vec<String>,
     /// One per record; `None` where nothing was to be aligned.
     pub alignments: Option<Vec<AlignmentValues>>,
+    /// What was found in a log; `None` for a folder.
+    pub logs: Option<Vec<ImportSummary>>,
 }
 
 impl AlignOptions {
     /// Reads the experiment, and merges its command logs where there are any.
-    pub fn read(&self, folder: &Path) -> miette::Result<Aligned> {
+    pub fn read(&self, measured: &Measured) -> miette::Result<Aligned> {
         if self.align.is_empty() {
-            let (experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
-            return Ok(Aligned { experiment, long, text: String::new(), warnings: Vec::new(), alignments: None });
+            let Reading { experiment, long, text, logs } = measured.read(LONG_FILE)?;
+            return Ok(Aligned { experiment, long, text, warnings: Vec::new(), alignments: None, logs });
         }
-        let mut experiment = Experiment::read_responses(folder)?;
-        let (logs, records) = (self.align.len(), experiment.records.len());
-        if logs != records {
-            let message = format!("--align is given {logs} times, and `{}` has {records} records", folder.display());
+        let Reading { mut experiment, mut text, logs, .. } = measured.read_responses()?;
+        let (given, records) = (self.align.len(), experiment.records.len());
+        if given != records {
+            let message =
+                format!("--align is given {given} times, and `{}` has {records} records", measured.path().display());
             return Err(
                 WrongUse::new(message, "give one command log per record, in the order of experiment.toml").into()
             );
         }
-        let (mut text, mut warnings, mut found) = (String::new(), Vec::new(), Vec::new());
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        let (mut warnings, mut found) = (Vec::new(), Vec::new());
         let output = experiment.output;
         for (record, path) in experiment.records.iter_mut().zip(&self.align) {
             if record.compensated {
@@ -110,7 +118,7 @@ impl AlignOptions {
             writeln!(text, "merged records written to {}", merged.display()).expect("a string takes all");
         }
         text.push('\n');
-        Ok(Aligned { experiment, long: Vec::new(), text, warnings, alignments: Some(found) })
+        Ok(Aligned { experiment, long: Vec::new(), text, warnings, alignments: Some(found), logs })
     }
 
     fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {

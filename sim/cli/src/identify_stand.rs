@@ -1,10 +1,9 @@
 //! `rotorlead identify --stand`
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use clap::Args;
-use miette::{IntoDiagnostic as _, WrapErr as _};
+use miette::WrapErr as _;
 use rotorlead_answer::{Report, Tone, Verdict, with_std};
 use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
@@ -14,6 +13,7 @@ use rotorlead_records::files::{Quantity, check_writable};
 use rotorlead_results::{stand_section, stand_table};
 use serde::Serialize;
 
+use super::identify::written;
 use super::outcome::{Outcome, warning_lines};
 use super::parameters::number;
 use super::report_option::ReportOption;
@@ -30,9 +30,14 @@ pub struct StandArguments {
     top: Option<f64>,
 }
 
-/// Identifies the stand of the experiment in `folder` and writes it to `out`.
-pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &ReportOption) -> miette::Result<Outcome> {
-    check_writable(out)?;
+/// Identifies the stand of the experiment in `folder`, and writes it to `out` where that is given.
+pub fn run(
+    folder: &Path,
+    out: Option<&Path>,
+    arguments: &StandArguments,
+    report: &ReportOption,
+) -> miette::Result<Outcome> {
+    out.map_or(Ok(()), check_writable)?;
     report.check()?;
     let mut options = StandOptions::default();
     if let Some(order) = arguments.order {
@@ -47,7 +52,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
             .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
         Ok((experiment, stand))
     })?;
-    stand.model().write(out)?;
+    out.map_or(Ok(()), |out| stand.model().write(out))?;
 
     let mut text = table(&stand);
     if !stand.warnings.is_empty() {
@@ -56,7 +61,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
     for warning in &stand.warnings {
         text.push_str(&warning_lines(&with_advice(warning)));
     }
-    writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
+    text.push_str(&written(out));
     text.push_str(&report.write(|| {
         let usable = match stand.usable_hz {
             Some(usable) => format!("The stand can be used up to {:.1} Hz.", usable.value),
@@ -64,7 +69,11 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
         };
         let tone = if stand.warnings.is_empty() { Tone::Good } else { Tone::Attention };
         Report {
-            facts: [report_pages::records(&experiment, folder), vec![report_pages::file("Stand model", out)]].concat(),
+            facts: [
+                report_pages::records(&experiment, folder),
+                out.map(|out| report_pages::file("Stand model", out)).into_iter().collect(),
+            ]
+            .concat(),
             warnings: stand.warnings.iter().map(with_advice).collect(),
             sections: vec![stand_section(&stand)],
             ..report_pages::report("Stand", format!("Stand of {}", experiment.name), Verdict::new(tone, usable))

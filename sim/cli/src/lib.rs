@@ -20,7 +20,9 @@ mod identify_align;
 mod identify_stand;
 mod import;
 mod latency;
+mod log_arguments;
 mod man;
+mod measured;
 mod new;
 mod outcome;
 mod overwrite_guard;
@@ -65,10 +67,13 @@ pub struct Arguments {
 
 const AFTER_HELP: &str = "\
 From a log to a compensator:
-  rotorlead import   LOG --out stand           a log of a thrust stand becomes an experiment
-  rotorlead check    stand                     what is wrong with it, if anything
-  rotorlead identify stand --out model.toml    the lag at each level
+  rotorlead identify LOG --out model.toml      the lag at each level
   rotorlead design   --model model.toml --out compensator.toml
+
+From several records of one motor:
+  rotorlead import   LOG... --out stand        logs of a thrust stand become an experiment
+  rotorlead check    stand                     what is wrong with it, if anything
+  rotorlead identify stand --out model.toml
 
 With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 

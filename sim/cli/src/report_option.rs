@@ -8,6 +8,7 @@ use miette::IntoDiagnostic as _;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::{Figure, Report};
 use rotorlead_records::files::{FileError, check_writable, make_folder, write_file};
+use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
 use super::progress;
@@ -101,12 +102,38 @@ impl FiguresOption {
 
 /// The command that is running, as it would be typed again.
 pub fn this_command() -> String {
-    let arguments = std::env::args_os().skip(1).map(|argument| {
-        let argument = argument.to_string_lossy().into_owned();
-        // What cannot be quoted has a zero byte in it, which no shell passes on.
-        shlex::try_quote(&argument).map_or_else(|_| argument.clone(), std::borrow::Cow::into_owned)
-    });
-    std::iter::once("rotorlead".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+    typed(arguments())
+}
+
+/// The same with these options, in place of those that say another value of the same, or less of the same column.
+pub fn this_command_with(options: &[MissingOption]) -> String {
+    let is_replaced = |name: &str, value: &str| {
+        let is_less =
+            |option: &MissingOption| option.value.strip_prefix(value).is_some_and(|rest| rest.starts_with(':'));
+        options.iter().any(|option| option.name == name && (name != "--column" || is_less(option)))
+    };
+    let (mut given, mut words) = (arguments().peekable(), Vec::new());
+    while let Some(word) = given.next() {
+        let next = given.peek().map_or("", String::as_str);
+        match word.split_once('=') {
+            Some((name, value)) if is_replaced(name, value) => {}
+            None if is_replaced(&word, next) => drop(given.next()),
+            _ => words.push(word),
+        }
+    }
+    words.extend(options.iter().flat_map(|option| [option.name.to_owned(), option.value.clone()]));
+    typed(words)
+}
+
+/// The words of the command line behind the program's name.
+pub fn arguments() -> impl Iterator<Item = String> {
+    std::env::args_os().skip(1).map(|argument| argument.to_string_lossy().into_owned())
+}
+
+/// The program with these words behind its name, as they are typed in a shell.
+pub fn typed(words: impl IntoIterator<Item = String>) -> String {
+    let words = words.into_iter().map(|word| shell_word(&word).into_owned());
+    std::iter::once("rotorlead".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// Refuses a folder that cannot be made, before the work.

@@ -7,7 +7,7 @@ use csv::StringRecord;
 use jiff::civil::Date;
 
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
-use crate::files::{FileError, TextFile, did_you_mean};
+use crate::files::{FileError, OutputFolder, TextFile, did_you_mean};
 
 /// The file's name in the fleet's folder.
 const LIST: &str = "fleet.csv";
@@ -84,6 +84,20 @@ impl FleetList {
             return Err(text.complaint(0..text.text().len().min(1), "the list has no log", "after this header", help));
         }
         Ok(Self { logs })
+    }
+
+    /// Writes it as `fleet.csv` of a folder under construction.
+    ///
+    /// # Errors
+    /// When the operating system refuses, or the folder has such a file already.
+    pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
+        let mut table = csv::Writer::from_writer(Vec::new());
+        let date = |log: &FleetLog| log.date.map_or_else(String::new, |date| date.to_string());
+        let rows = self.logs.iter().map(|log| [log.folder.clone(), log.motor.clone(), date(log)]);
+        for row in std::iter::once(COLUMNS.map(str::to_owned)).chain(rows) {
+            table.write_record(row).expect("memory takes all, and the rows are alike");
+        }
+        folder.write(LIST, &table.into_inner().expect("memory takes all"))
     }
 }
 
@@ -175,6 +189,19 @@ mod tests {
             ("b/c", "M 2", None)
         );
         assert_eq!(read("log,motor\na,M1\n").unwrap().logs.len(), 1);
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let log = |folder: &str, motor: &str, date| FleetLog { folder: folder.into(), motor: motor.into(), date };
+        let list =
+            FleetList { logs: vec![log("a, b", "M\"1\"", None), log("c", "M2", Some(Date::constant(2026, 3, 2)))] };
+        let scratch = Scratch::new();
+        let fleet = scratch.path().join("fleet");
+        let folder = OutputFolder::create(&fleet).unwrap();
+        list.write_into(&folder).unwrap();
+        folder.commit().unwrap();
+        assert_eq!(FleetList::read(&fleet).unwrap(), list);
     }
 
     #[test]

@@ -37,7 +37,7 @@ impl Experiment {
     /// As for [`Experiment::write`].
     pub fn write_responses(&self, folder: &Path) -> Result<(), FileError> {
         let folder = OutputFolder::create(folder)?;
-        self.write_columns(&folder, &[Column::of(self.output)])?;
+        self.write_columns(&folder, "", &[Column::of(self.output)])?;
         folder.commit()
     }
 
@@ -46,7 +46,15 @@ impl Experiment {
     /// # Errors
     /// As for [`Experiment::write`].
     pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
-        self.write_columns(folder, &self.needed())
+        self.write_columns(folder, "", &self.needed())
+    }
+
+    /// As [`Experiment::write_into`], into a folder `name` of that folder: one of several experiments.
+    ///
+    /// # Errors
+    /// As for [`Experiment::write`].
+    pub fn write_below(&self, folder: &OutputFolder, name: &str) -> Result<(), FileError> {
+        self.write_columns(folder, &format!("{name}/"), &self.needed())
     }
 
     /// Refuses what reading the written files would refuse.
@@ -62,11 +70,14 @@ impl Experiment {
         [Column::Command, Column::of(self.output)]
     }
 
-    fn write_columns(&self, folder: &OutputFolder, needed: &[Column]) -> Result<(), FileError> {
-        self.check_for(needed).map_err(|(name, fault)| FileError::refused(&folder.destination().join(name), fault))?;
-        folder.write(MANIFEST, to_toml(&Manifest::of(self)).as_bytes())?;
+    /// The names of all files begin with `below`.
+    fn write_columns(&self, folder: &OutputFolder, below: &str, needed: &[Column]) -> Result<(), FileError> {
+        let within = |name: &str| format!("{below}{name}");
+        self.check_for(needed)
+            .map_err(|(name, fault)| FileError::refused(&folder.destination().join(within(&name)), fault))?;
+        folder.write(&within(MANIFEST), to_toml(&Manifest::of(self)).as_bytes())?;
         for record in &self.records {
-            folder.write_parts(&record.file, csv_parts(record))?;
+            folder.write_parts(&within(&record.file), csv_parts(record))?;
         }
         Ok(())
     }

@@ -152,7 +152,11 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "no command",
             table().replacen("pwm_us", "x", 1).into(),
             "",
-            &["line 1: no column is known to be the command", "--column command=HEADER:UNIT", "`--no-command`"],
+            &[
+                "line 1: no column is known to be the command",
+                "--column command=HEADER:UNIT",
+                "`rotorlead import --no-command`",
+            ],
         ),
         ("no time", table().replacen("time_s", "x", 1).into(), "", &["known to be the time", "--excitation steady"]),
         (
@@ -165,7 +169,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "command blank throughout",
             with(1, 0..ROWS, "").into(),
             "",
-            &["column `pwm_us`: empty in all 400 rows", "`--no-command`", "identify --align LOG"],
+            &["column `pwm_us`: empty in all 400 rows", "`rotorlead import --no-command`", "identify --align LOG"],
         ),
         ("command blank in a row", with(1, 9..10, "").into(), "", &["line 11, column `pwm_us`: empty, though"]),
         (
@@ -382,16 +386,39 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     let Import { summary, .. } = taken(both, "none").unwrap();
     let note = summary.notes.iter().find(|note| note.contains("differ")).unwrap();
     assert!(note.contains("in 300 of 400 rows") && note.contains("'rpm=Motor Optical Speed (rad/s):rad/s'"), "{note}");
-    // Orders to the ESC stand for a motor at rest; that they are DShot's then has to be said.
+    // Orders to the ESC stand for a motor at rest.
     let orders = stand(dshot, "RPM").replace(",0,2,", ",13,2,");
-    assert!(message(taken(&orders, "none")).contains("`ESC signal` is the command without a unit"));
-    let stated =
-        ImportOptions { columns: vec!["command=ESC signal:dshot".parse().unwrap()], ..ImportOptions::default() };
-    let Import { experiment, summary } = imported(orders.as_bytes(), &stated).unwrap();
+    let Import { experiment, summary } = taken(&orders, "none").unwrap();
     assert_eq!(experiment.records[0].command[0], 0.0);
     assert!(summary.notes.iter().any(|note| note.starts_with("100 rows have a DShot number from 1 to 47")));
-    // Pulse widths are no DShot numbers, though some could be.
-    assert!(taken(stand(|pulse| pulse.to_string(), "RPM"), "none").is_err());
+}
+
+#[test]
+fn the_unit_of_a_command_is_guessed_where_its_numbers_fit_one_alone() {
+    type Numbers = fn(f64) -> f64;
+    // Of pulse widths of 1000, 1500 and 1600.
+    let cases: [(&str, Numbers, Option<&str>); 8] = [
+        ("pulse widths, which DShot has too", |pulse| pulse, Some("us")),
+        ("fractions", |pulse| (pulse - 1000.0) / 1000.0, Some("duty")),
+        ("percents", |pulse| (pulse - 1000.0) / 10.0, Some("percent")),
+        ("percents below those of any run, or volts", |pulse| (pulse - 1000.0) / 100.0, None),
+        ("ten bits", |pulse| pulse - 1000.0, None),
+        ("pulse widths beyond the usual ones", |pulse| 2.0 * (pulse - 1500.0) + 2000.0, None),
+        ("DShot", |pulse| f64::max(0.0, 12.0 * (pulse - 1450.0)), Some("dshot")),
+        ("no whole numbers", |pulse| 48.5 + 3.0 * (pulse - 1000.0), None),
+    ];
+    for (what, numbers, unit) in cases {
+        let log = with_command("throttle", numbers);
+        match (taken(&log, ""), unit) {
+            (Ok(Import { summary, .. }), Some(unit)) => {
+                let guessed = format!("the unit of `throttle` is guessed to be {unit}: ");
+                assert!(summary.notes.iter().any(|note| note.starts_with(&guessed)), "{what}: {:?}", summary.notes);
+                assert!(summary.columns[1].note.ends_with("; guessed"), "{what}: {}", summary.columns[1].note);
+            }
+            (Err(error), None) => assert!(error.to_string().contains("without a unit"), "{what}: {error}"),
+            (found, _) => panic!("{what}: {found:?}"),
+        }
+    }
 }
 
 #[test]

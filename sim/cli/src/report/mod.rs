@@ -9,12 +9,13 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::IntoDiagnostic as _;
 use rotorlead_plant::Model;
-use rotorlead_records::Experiment;
-use rotorlead_records::files::{check_writable, write_file};
+use rotorlead_records::files::{check_writable, printable, write_file};
 use rotorlead_report::html;
+use serde_json::json;
 
 use parts::{Asked, Parts};
 
+use super::measured::{Measured, Reading};
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
 use super::report_option::FiguresOption;
@@ -23,15 +24,14 @@ use rotorlead_answer::words::wrapped;
 /// Width of what is said.
 const WIDTH: usize = 80;
 
-/// Everything that an experiment says, in one report: identification, validation, compensator, bandwidth and diagnosis
+/// Everything that an experiment or a log says, in one report: identification, validation, compensator, bandwidth and diagnosis
 ///
 /// One HTML file with the verdict, tables, interactive figures and the commands that give each part by itself. It needs no
 /// network. A part that the records do not allow is left out, and the report says why.
 #[derive(Args, Debug)]
 pub struct ReportCommand {
-    /// The experiment's folder
-    #[arg(value_name = "DIR")]
-    experiment: PathBuf,
+    #[command(flatten)]
+    measured: Measured,
     /// Where the report goes
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     pub(super) out: PathBuf,
@@ -59,19 +59,27 @@ impl ReportCommand {
         self.figures.check()?;
         let given = self.given();
         let model = given.as_deref().map(Model::read).transpose()?;
-        let experiment = Experiment::read(&self.experiment)?;
-        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis, self.asked())?;
+        let Reading { mut experiment, text: of_log, logs, .. } = self.measured.read(u64::MAX)?;
+        self.measured.choose_output(&mut experiment)?;
+        // What was found in a log may say why nothing comes of it.
+        let parts = Parts::of(&experiment, self.measured.path(), model.as_ref(), !self.no_diagnosis, self.asked())
+            .inspect_err(|_| eprint!("{}", printable(&of_log)))?;
         let report = parts.report(self, &experiment, given.as_deref());
         let figures = self.figures.write(&report)?;
         write_file(&self.out, html(&report)?.as_bytes())?;
 
-        let mut text = format!("{}\n", wrapped(&report.verdict.headline, WIDTH, ""));
+        let mut text = if of_log.is_empty() { of_log } else { of_log + "\n" };
+        writeln!(text, "{}", wrapped(&report.verdict.headline, WIDTH, "")).into_diagnostic()?;
         for sentence in &report.verdict.sentences {
             writeln!(text, "{}", wrapped(sentence, WIDTH, "")).into_diagnostic()?;
         }
         text.push_str(&figures);
         writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
-        Ok(Outcome::new(text, &parts.json(&report)))
+        let mut outcome = Outcome::new(text, &parts.json(&report));
+        if let Some(logs) = logs {
+            outcome.json["logs"] = json!(logs);
+        }
+        Ok(outcome)
     }
 
     fn asked(&self) -> Asked {
@@ -80,6 +88,6 @@ impl ReportCommand {
 
     /// The model that is judged: the one given, or the one that lies with the records.
     fn given(&self) -> Option<PathBuf> {
-        self.model.clone().or_else(|| Some(self.experiment.join("model.toml")).filter(|file| file.is_file()))
+        self.model.clone().or_else(|| Some(self.measured.path().join("model.toml")).filter(|file| file.is_file()))
     }
 }

@@ -17,6 +17,7 @@ use serde_json::{Value, json};
 use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
+use crate::measured::Measured;
 use crate::outcome::without_mark;
 use crate::report_option::this_command;
 use crate::report_pages;
@@ -27,9 +28,9 @@ impl Parts {
         let warnings = in_groups(&self.findings);
         let judged = given.map(|file| report_pages::file("Model that was judged", file));
         Report {
-            facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
+            facts: [report_pages::records(experiment, command.measured.path()), judged.into_iter().collect()].concat(),
             sections: self.sections(experiment),
-            commands: self.commands(&command.experiment, given),
+            commands: self.commands(&command.measured, given),
             verdict: self.verdict(warnings.len()),
             warnings,
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
@@ -160,13 +161,15 @@ impl Parts {
     }
 
     /// The report again, and each part by itself.
-    fn commands(&self, folder: &Path, given: Option<&Path>) -> Vec<String> {
+    fn commands(&self, measured: &Measured, given: Option<&Path>) -> Vec<String> {
         let quoted = |path: &Path| {
             let path = path.display().to_string();
             shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
         };
-        let (folder, model) = (quoted(folder), given.map_or_else(|| "model.toml".to_owned(), quoted));
+        let (import, folder) = measured.to_folder();
+        let (folder, model) = (quoted(&folder), given.map_or_else(|| "model.toml".to_owned(), quoted));
         let mut commands = vec![this_command()];
+        commands.extend(import);
         if given.is_none() {
             commands.push(format!("rotorlead identify {folder} --out {model}"));
         }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::missing::{EXCITATIONS, MissingOption};
 use crate::files::shown;
 
 /// Why a log was not taken. Every variant names the file and, where there is one, the line and the
@@ -86,7 +87,7 @@ pub enum ImportError {
     /// The command never changes.
     #[error("{}: the command is {command} in all of the {rows} rows taken, so nothing can be identified from it", file.display())]
     #[diagnostic(help(
-        "record again with levels or an excitation; where the log does have them, it may be cut short or hold another run"
+        "record again with levels or an excitation, which `rotorlead excite --out excitation.csv` designs; where the log does have them, it may be cut short or hold another run"
     ))]
     ConstantCommand {
         /// The log.
@@ -140,6 +141,8 @@ pub enum ImportError {
         problem: String,
         /// All columns, and the options that would tell it.
         remedy: String,
+        /// Those options.
+        missing: Vec<MissingOption>,
     },
     /// A column is stated that is not there.
     #[error("{}: there is no column `{column}`", file.display())]
@@ -163,10 +166,7 @@ pub enum ImportError {
     },
     /// A plain table does not say what drove its command.
     #[error("{}: the log does not say what drove the command", file.display())]
-    #[diagnostic(help(
-        "say it: `--excitation multisine`, `square` or `triangle`, each with `--period-s SECONDS`; `staircase` (levels held \
-         one after the other), `step` (one), `chirp`, `steady` (each row is a steady point), or `free` for anything else"
-    ))]
+    #[diagnostic(help("say it with `{}`: {EXCITATIONS}", MissingOption::excitation()))]
     NoExcitation {
         /// The log.
         file: PathBuf,
@@ -278,8 +278,8 @@ pub enum ImportError {
     /// The command is blank throughout.
     #[error("{}, column `{column}`: empty in all {rows} rows, so the log does not have the command", file.display())]
     #[diagnostic(help(
-        "record with the output switched on; where the command was logged apart, `--no-command` takes the log without it, and \
-         `rotorlead identify --align LOG` merges the two"
+        "record with the output switched on; where the command was logged apart, `rotorlead import --no-command` takes the log \
+         without it, and `rotorlead identify --align LOG` merges the two"
     ))]
     NoCommand {
         /// The log.
@@ -547,4 +547,18 @@ pub enum ImportError {
         /// What should become 1.
         high_us: f64,
     },
+}
+
+impl ImportError {
+    /// The options that would say what the log does not, each with a word in capitals where a value belongs; none where that is not
+    /// what is wrong.
+    #[must_use]
+    pub fn missing_options(&self) -> Vec<MissingOption> {
+        match self {
+            Self::UnclearColumns { missing, .. } => missing.clone(),
+            Self::NoExcitation { .. } => vec![MissingOption::excitation()],
+            Self::NoPulseRange { .. } => vec![MissingOption::pulse_us()],
+            _ => Vec::new(),
+        }
+    }
 }

@@ -16,6 +16,7 @@ mod foreign;
 mod held;
 mod mat;
 mod mat5;
+mod missing;
 mod plain;
 mod plain_columns;
 mod plain_layout;
@@ -35,6 +36,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 pub use error::ImportError;
+pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::spread_bursts;
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};

@@ -248,6 +248,16 @@ impl Rows<'_> {
                 high,
             });
         }
+        let name = &self.table.header[pick.column];
+        notes.extend(pick.guessed_because.map(|because| {
+            format!(
+                "the unit of `{name}` is guessed to be {}: its numbers {because}. `{}` states another unit: {}",
+                pick.unit.name,
+                option(Quantity::Command, name, "UNIT"),
+                Quantity::Command.units()
+            )
+        }));
+        let guessed = if pick.guessed_because.is_some() { "; guessed" } else { "" };
         if pick.unit.scale != Scale::Dshot {
             self.command.iter_mut().for_each(|value| *value = (*value - low) / (high - low));
             let stated = if pick.unit.scale == Scale::Pulse {
@@ -255,7 +265,7 @@ impl Rows<'_> {
             } else {
                 " become 0..1"
             };
-            return Ok(format!("{low}..{high}{stated}"));
+            return Ok(format!("{low}..{high}{stated}{guessed}"));
         }
         let (low, high) = DSHOT;
         let orders = self.command.iter().filter(|value| **value > 0.0 && **value < low).count();
@@ -266,17 +276,7 @@ impl Rows<'_> {
             ));
         }
         self.command.iter_mut().for_each(|value| *value = ((*value - low) / (high - low)).max(0.0));
-        let range = format!("DShot: {low}..{high} become 0..1, 0 is stop");
-        if !pick.is_guessed {
-            return Ok(range);
-        }
-        let name = &self.table.header[pick.column];
-        notes.push(format!(
-            "the unit of `{name}` is guessed: its numbers are whole, begin below those of pulse widths and end above those of \
-             percents, so that they are taken as DShot's. `{}` states another unit: us, percent or duty",
-            option(Quantity::Command, name, "UNIT")
-        ));
-        Ok(format!("{range}; guessed"))
+        Ok(format!("DShot: {low}..{high} become 0..1, 0 is stop{guessed}"))
     }
 
     /// Makes seconds from the first row of the stamps, in their order, and finds out whether each row is a steady point, whose

@@ -1,20 +1,23 @@
 //! Which column of a plain table is what, by the names in its header and from what is stated.
 //!
 //! A name says a quantity and a unit: `time_ms`, `Thrust [g]`, `Throttle (%)`, `rpm`. One that says a quantity alone is not
-//! taken. What numbers look like is looked at in two places: a command without a unit whose numbers can be DShot's alone is
-//! taken as that, and of several columns of one quantity one that never moves is not taken.
+//! taken. What numbers look like is looked at in two places: a command without a unit is taken in the only one that its numbers
+//! fit, where there is one, and of several columns of one quantity one that never moves is not taken.
 
+use super::missing::{EXCITATIONS, MissingOption};
 use super::plain_layout::PlainTable;
-use super::quantity::{ColumnChoice, DSHOT, Quantity, Scale, Unit};
+use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{Reading, seconds_since_midnight};
-use super::{ImportError, ImportOptions};
+use super::{ImportError, ImportOptions, rcbenchmark};
 use crate::Excitation;
 use crate::files::csv_rows::quoted;
 
 /// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and
 /// ten bits at 1023.
 const MOST_OF_OTHERS: f64 = 1024.0;
+/// A command in percent that stays below is one of a motor that hardly turns; numbers so small are of something else.
+const LEAST_PERCENT: f64 = 10.0;
 /// Pulses that an ESC of PWM takes are not shorter, microseconds.
 const LEAST_PULSE_US: f64 = 800.0;
 /// Rounding of whole numbers that were averaged.
@@ -29,8 +32,8 @@ pub(super) struct Pick {
     pub(super) is_reversed: bool,
     /// Whether it was named by [`ColumnChoice`], so that it has to be taken.
     pub(super) is_stated: bool,
-    /// Whether the unit comes of the numbers.
-    pub(super) is_guessed: bool,
+    /// What the numbers show of their unit, where it is guessed from them.
+    pub(super) guessed_because: Option<&'static str>,
 }
 
 impl Pick {
@@ -60,7 +63,7 @@ impl Picks {
         list: &mut ColumnList,
     ) -> Result<Self, ImportError> {
         let needs_time = options.excitation != Some(Excitation::Steady);
-        let of = |quantity| find(plain, quantity, &options.columns);
+        let of = |quantity| find(plain, quantity, options);
         let mut questions = Vec::new();
         let mut need = |found, asks: &str, quantity| match found {
             Found::Pick(pick) => Some(pick),
@@ -90,7 +93,7 @@ impl Picks {
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
         if !questions.is_empty() {
-            return Err(ask(plain, &questions));
+            return Err(ask(plain, &questions, options));
         }
         let picks = Self { time, command, thrust, speed, voltage, current };
         picks.say_why_others_are_left(plain, list);
@@ -136,28 +139,29 @@ impl Found {
     }
 }
 
-/// What the names do not say, and the option that states it.
+/// What the names do not say, and the column that would be stated.
 struct Question {
     quantity: Quantity,
     asks: String,
-    option: String,
+    /// `HEADER` where no column is known.
+    header: String,
 }
 
 impl Question {
     fn new(quantity: Quantity, header: &str, asks: String) -> Self {
-        Self { quantity, asks, option: option(quantity, header, "UNIT") }
+        Self { quantity, asks, header: header.to_owned() }
     }
 
     /// What else may be meant where a log has no such column.
     fn otherwise(&self) -> Option<&'static str> {
-        let is_missing = self.option.contains("=HEADER:");
+        let is_missing = self.header == "HEADER";
         match self.quantity {
             Quantity::Time if is_missing => {
                 Some(". Where each row is a steady point, `--excitation steady` needs no time")
             }
             Quantity::Command if is_missing => Some(
-                ". Where the command was logged apart, `--no-command` takes the log without it, and `rotorlead identify --align \
-                 LOG` merges the two",
+                ". Where the command was logged apart, `rotorlead import --no-command` takes the log without it, and `rotorlead \
+                 identify --align LOG` merges the two",
             ),
             _ => None,
         }
@@ -166,18 +170,11 @@ impl Question {
 
 /// `--column` as it is typed in a shell.
 pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
-    let value = format!("{}={header}:{unit}", quantity.name());
-    let is_plain = |c: char| c.is_alphanumeric() || "=:_-+./,".contains(c);
-    if value.chars().all(is_plain) {
-        return format!("--column {value}");
-    }
-    // What cannot be quoted, a null byte, cannot be typed either.
-    let quoted = shlex::try_quote(&value).map(std::borrow::Cow::into_owned);
-    format!("--column {}", quoted.unwrap_or(value))
+    MissingOption::column(quantity, header, unit).to_string()
 }
 
-fn find(plain: &PlainTable<'_>, quantity: Quantity, choices: &[ColumnChoice]) -> Result<Found, ImportError> {
-    let header = &plain.table.header;
+fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> Result<Found, ImportError> {
+    let (header, choices) = (&plain.table.header, &options.columns);
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
         let mut named = (0..header.len()).filter(|index| header[*index] == choice.header);
         let index = named.next().ok_or_else(|| ImportError::NoSuchColumn {
@@ -211,10 +208,12 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, choices: &[ColumnChoice]) ->
     let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(plain, index, quantity));
     let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
     // A unit that is written and not known is another.
-    let guess = || guessed(plain, index, quantity).filter(|_| written.is_none());
-    let (unit, is_guessed) = unit.map_or_else(|| (guess(), true), |unit| (Some(unit), false));
-    Ok(match unit {
-        Some(unit) => Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), is_guessed }),
+    let guess = || guessed(plain, index, quantity, options.pulse_range()).filter(|_| written.is_none());
+    let found = unit.map(|unit| (unit, None)).or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
+    Ok(match found {
+        Some((unit, guessed_because)) => {
+            Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), guessed_because })
+        }
         None => {
             let in_what = match written {
                 Some(written) if Said::of(plain, index).is_some() => format!("in `{written}`, which is not known here"),
@@ -247,7 +246,7 @@ pub(super) fn other_speed(plain: &PlainTable<'_>, pick: Pick) -> Option<Pick> {
     let of = |column| {
         let said = Said::of(plain, column).filter(|said| said.quantity == Quantity::Speed && column != pick.column)?;
         let unit = said.unit.filter(|_| moves(plain, column))?;
-        Some(Pick { column, unit, is_reversed: false, is_stated: false, is_guessed: false })
+        Some(Pick { column, unit, is_reversed: false, is_stated: false, guessed_because: None })
     };
     (0..plain.table.header.len()).find_map(of)
 }
@@ -262,21 +261,40 @@ pub(super) fn moves(plain: &PlainTable<'_>, column: usize) -> bool {
     plain.table.first(|row| (!is_zero(row.text(column))).then_some(())).is_some()
 }
 
-/// The unit of a command that its numbers show: whole ones that are no microseconds, since some are too small, and no percents
-/// or the like, since some are too large, but each of them one of DShot.
-fn guessed(plain: &PlainTable<'_>, column: usize, quantity: Quantity) -> Option<Unit> {
+/// The only unit of a command that its numbers fit, and what shows that; none where several do. Pulse widths lie within
+/// `pulse_us`. DShot numbers are whole ones that are no microseconds, since some are too small, and no percents or the like, since
+/// some are too large.
+fn guessed(
+    plain: &PlainTable<'_>,
+    column: usize,
+    quantity: Quantity,
+    pulse_us: (f64, f64),
+) -> Option<(Unit, &'static str)> {
     if quantity != Quantity::Command {
         return None;
     }
     let [values] = &plain.table.numbers(&[(column, Reading::Decimal)]).ok()?[..] else { return None };
-    let is_dshot = |value: &f64| {
-        let is_whole = (value - value.round()).abs() < WHOLE;
-        value.is_nan() || *value == 0.0 || (is_whole && (DSHOT.0..=DSHOT.1).contains(value))
+    let numbers = || values.iter().copied().filter(|value| !value.is_nan());
+    let (least, most) = (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
+    let least_above_zero = numbers().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
+    let lie_within = |(low, high): (f64, f64)| low <= least && most <= high;
+    let is_whole = |value: f64| (value - value.round()).abs() < WHOLE;
+    let (name, because) = if lie_within((0.0, 1.0)) {
+        ("duty", "lie within 0..1")
+    } else if lie_within((0.0, 100.0)) && most > LEAST_PERCENT {
+        ("percent", "lie within 0..100 and go above 10")
+    } else if lie_within(pulse_us) {
+        ("us", "are pulse widths from none to full command")
+    } else if lie_within((0.0, DSHOT.1))
+        && least_above_zero < LEAST_PULSE_US
+        && most > MOST_OF_OTHERS
+        && numbers().all(is_whole)
+    {
+        ("dshot", "are whole, begin below those of pulse widths and end above those of percents")
+    } else {
+        return None;
     };
-    let least = values.iter().copied().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
-    let most = values.iter().copied().fold(0.0, f64::max);
-    let is_none_else = least < LEAST_PULSE_US && most > MOST_OF_OTHERS;
-    (is_none_else && values.iter().all(is_dshot)).then(|| Unit::named(quantity, "dshot")).flatten()
+    Unit::named(quantity, name).map(|unit| (unit, because))
 }
 
 /// The column `command` beside those of a record, which is such a record's: a duty.
@@ -298,21 +316,31 @@ fn shown_by_clock(plain: &PlainTable<'_>, column: usize, quantity: Quantity) -> 
     is_clock.then(|| Unit::named(quantity, "clock")).flatten()
 }
 
-/// The error that asks all questions at once.
-fn ask(plain: &PlainTable<'_>, questions: &[Question]) -> ImportError {
-    let joined = |of: &dyn Fn(&Question) -> String, with: &str| questions.iter().map(of).collect::<Vec<_>>().join(with);
+/// The error that asks all questions at once, and what drove the command with them where nothing says it.
+fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) -> ImportError {
     let place = plain.header_line.map(|line| format!(", line {line}")).unwrap_or_default();
+    let mut asks: Vec<&str> = questions.iter().map(|question| question.asks.as_str()).collect();
     let unit = |question: &Question| format!("{} in {}", question.quantity.name(), question.quantity.units());
+    let mut values: Vec<String> = questions.iter().map(unit).collect();
+    let column = |question: &Question| MissingOption::column(question.quantity, &question.header, "UNIT");
+    let mut missing: Vec<MissingOption> = questions.iter().map(column).collect();
+    let is_driven = !options.without_command && !rcbenchmark::is_header(&plain.table.header);
+    if is_driven && options.excitation.is_none() {
+        asks.push("nothing says what drove the command");
+        values.push(format!("--excitation: {EXCITATIONS}"));
+        missing.push(MissingOption::excitation());
+    }
     ImportError::UnclearColumns {
         file: plain.table.file.clone(),
-        problem: format!("{place}: {}", joined(&|question| question.asks.clone(), "; ")),
+        problem: format!("{place}: {}", asks.join("; ")),
         remedy: format!(
             "the columns are {}. Say which is what, and in which unit, with `{}` ({}){}",
             listed(plain),
-            joined(&|question| question.option.clone(), " "),
-            joined(&unit, "; "),
+            missing.iter().map(ToString::to_string).collect::<Vec<_>>().join(" "),
+            values.join("; "),
             questions.iter().filter_map(Question::otherwise).collect::<String>()
         ),
+        missing,
     }
 }
 
@@ -398,6 +426,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::import::ColumnChoice;
 
     fn text(header: &str) -> String {
         format!("{header}\n{}\n", vec!["0.5"; header.split(',').count()].join(","))
@@ -498,7 +527,7 @@ mod tests {
         }
         for (header, parts) in [
             ("time_s,time_ms,pwm_us,rpm", ["`time_s` and `time_ms` are both called time", "--column time=time_s:UNIT"]),
-            ("time_s,command,thrust", ["`command` is the command without a unit", "`thrust` is the thrust without"]),
+            ("time_s,command,thrust", ["`thrust` is the thrust without a unit", "--excitation KIND"]),
             ("time_s,pwm_us,speed (Hz)", ["`speed (Hz)` is the rpm in `Hz`", "'rpm=speed (Hz):UNIT'"]),
         ] {
             let error = picked(header, &[]).unwrap_err();

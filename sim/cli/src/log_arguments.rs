@@ -1,0 +1,338 @@
+//! What a log does not say of itself, and logs read with that.
+
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use clap::{Arg, Args, Command};
+use indicatif::ProgressBar;
+use miette::{Diagnostic as _, miette};
+use rotorlead_answer::{Cell, Column, Table};
+use rotorlead_identify::check::of_record;
+use rotorlead_records::Finding;
+use rotorlead_records::files::Quantity;
+use rotorlead_records::import::{
+    ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, LogFormat, MissingOption, import,
+};
+use rotorlead_records::{Excitation, Experiment, Output};
+
+use super::WrongUse;
+use super::check::words;
+use super::parameters::{number, range};
+use super::report_option::{arguments, this_command_with};
+use rotorlead_answer::words::wrapped;
+
+/// What is in a log, for every command that reads one.
+#[derive(Args, Debug)]
+pub struct LogArguments {
+    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent, dshot or duty), thrust (N, gf,
+    /// kgf, lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before
+    /// the unit turns the sign: thrust=load:-gf. Rows in which such a column is blank are left out. May be given once for each
+    /// quantity
+    #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
+    column: Vec<ColumnChoice>,
+    /// Subtract the mean thrust at rest, of the rows at zero command before the run or else after it
+    #[arg(long)]
+    tare: bool,
+    /// What drove the command; needed for a plain table, chirp for those of a DataFlash log and staircase for other logs unless given. `steady`: each row is a steady
+    /// point of its own, as in a table of averages
+    #[arg(long, value_name = "KIND", value_parser = excitations())]
+    excitation: Option<Excitation>,
+    /// Period of a multisine, square or triangle, in seconds
+    #[arg(long, value_name = "SECONDS", value_parser = number(Quantity::DURATION_S), allow_negative_numbers = true)]
+    period_s: Option<f64>,
+    /// Command around which it was run, 0..1; found from the command's column unless given
+    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
+    nominal: Option<f64>,
+    /// How far the command goes to either side of it, 0..1; found from the command's column unless given
+    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
+    amplitude: Option<f64>,
+    /// Which part of the log to take, in seconds from its first row; all of it unless given
+    #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
+    seconds: Option<(f64, f64)>,
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, and of
+    /// DataFlash what its parameters MOT_PWM_MIN and MOT_PWM_MAX say
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::PULSE_US), allow_hyphen_values = true)]
+    pulse_us: Option<(f64, f64)>,
+    /// Which motor to take of an autopilot's log, from 1; the first unless given, or the chirp of a DataFlash log that has one
+    #[arg(long, value_name = "N")]
+    motor: Option<usize>,
+    /// Which log to take of a blackbox file that has several, or which chirp of a DataFlash log, from 1; the longest unless given
+    #[arg(long, value_name = "N")]
+    log: Option<usize>,
+}
+
+/// Logs that were read.
+pub struct Logs {
+    /// A record of each.
+    pub experiment: Experiment,
+    pub summaries: Vec<ImportSummary>,
+    /// What of the records an identification refuses.
+    pub findings: Vec<Finding>,
+}
+
+impl LogArguments {
+    /// The same for the importer. What the command itself says, such as the response, is added to that.
+    pub fn options(&self) -> ImportOptions {
+        ImportOptions {
+            esc_signal_us: self.pulse_us,
+            motor: self.motor,
+            log: self.log,
+            columns: self.column.clone(),
+            tare: self.tare,
+            seconds: self.seconds,
+            excitation: self.excitation,
+            period_s: self.period_s,
+            nominal: self.nominal,
+            amplitude: self.amplitude,
+            ..ImportOptions::default()
+        }
+    }
+
+    /// Reads logs into one experiment, with a record of each. `bar` goes on by the bytes read.
+    pub fn read(&self, files: &[PathBuf], options: &ImportOptions, bar: &ProgressBar) -> miette::Result<Logs> {
+        self.check()?;
+        let (mut whole, mut summaries): (Option<Experiment>, Vec<ImportSummary>) = (None, Vec::new());
+        for file in files {
+            let log = import(file, options).map_err(with_next_command)?;
+            self.check_options_of(file, &log.summary)?;
+            match &mut whole {
+                None => whole = Some(log.experiment),
+                Some(whole) => join(whole, log.experiment, &summaries[0].file, file)?,
+            }
+            summaries.push(log.summary);
+            bar.inc(bytes(file));
+        }
+        let experiment = whole.ok_or_else(|| WrongUse::new("no log is given", "give one or more"))?;
+        // What else may be wrong is for `rotorlead check`, which sees all records together.
+        // Of a log without its command that is after it is merged.
+        let records = experiment.records.iter().filter(|_| !options.without_command);
+        let findings = records.flat_map(|record| of_record(&experiment, record, false)).filter(Finding::is_grave);
+        Ok(Logs { findings: findings.collect(), experiment, summaries })
+    }
+
+    /// The options about a log, with its response, as they were typed for the command that is running.
+    pub fn as_typed() -> Vec<String> {
+        let known = Self::augment_args(Command::new("log")).arg(Arg::new("output").long("output"));
+        let (mut given, mut words) = (arguments(), Vec::new());
+        while let Some(word) = given.next() {
+            let (name, value) = word.split_once('=').map_or((word.as_str(), None), |(name, value)| (name, Some(value)));
+            let is_named = |option: &&Arg| option.get_long().is_some_and(|long| name.strip_prefix("--") == Some(long));
+            let Some(option) = known.get_arguments().find(is_named) else { continue };
+            let value = if value.is_none() && option.get_action().takes_values() { given.next() } else { None };
+            words.extend([Some(word), value].into_iter().flatten());
+        }
+        words
+    }
+
+    /// Refuses options about a log where an experiment's folder is given.
+    pub fn refuse_with(&self, folder: &Path) -> Result<(), WrongUse> {
+        let given = [
+            (!self.column.is_empty(), "--column"),
+            (self.tare, "--tare"),
+            (self.excitation.is_some(), "--excitation"),
+            (self.period_s.is_some(), "--period-s"),
+            (self.nominal.is_some(), "--nominal"),
+            (self.amplitude.is_some(), "--amplitude"),
+            (self.seconds.is_some(), "--seconds"),
+            (self.pulse_us.is_some(), "--pulse-us"),
+            (self.motor.is_some(), "--motor"),
+            (self.log.is_some(), "--log"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map_or(Ok(()), |(_, option)| {
+            let message =
+                format!("{option} says what is in a log, and `{}` is an experiment's folder", folder.display());
+            Err(WrongUse::new(message, format!("leave {option} out: experiment.toml says it; or give a log")))
+        })
+    }
+
+    /// Refuses options that do not go together, whatever the logs are.
+    fn check(&self) -> Result<(), WrongUse> {
+        for (index, choice) in self.column.iter().enumerate() {
+            for other in &self.column[..index] {
+                if choice.quantity == other.quantity {
+                    let message = format!("--column says twice which column is the {}", choice.quantity.name());
+                    return Err(WrongUse::new(message, "leave one of the two out"));
+                }
+                if choice.header == other.header {
+                    let (one, two) = (other.quantity.name(), choice.quantity.name());
+                    let message = format!("--column says that `{}` is both the {one} and the {two}", choice.header);
+                    return Err(WrongUse::new(message, "leave one of the two out"));
+                }
+            }
+        }
+        let is_periodic = self.excitation.is_some_and(Excitation::is_periodic);
+        match (self.excitation, self.period_s) {
+            (Some(excitation), None) if is_periodic => Err(WrongUse::new(
+                format!("--excitation {} needs --period-s", excitation.name()),
+                "say after how many seconds the command repeats, as in --period-s 10",
+            )),
+            (_, Some(_)) if !is_periodic => Err(WrongUse::new(
+                "--period-s goes with --excitation multisine, square or triangle alone",
+                "leave --period-s out, or say which of them the command is",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses options that the log has no use for.
+    fn check_options_of(&self, file: &Path, log: &ImportSummary) -> Result<(), WrongUse> {
+        let format = log.format;
+        let refuse = |option: &str, reason: &str| {
+            let message = format!("{option} does not go with `{}`: {reason}", file.display());
+            Err(WrongUse::new(message, format!("leave {option} out")))
+        };
+        if self.motor.is_some() && !matches!(format, LogFormat::Ulog | LogFormat::Blackbox | LogFormat::DataFlash) {
+            return refuse("--motor", "it is no autopilot's log");
+        }
+        if self.log.is_some() && !matches!(format, LogFormat::Blackbox | LogFormat::DataFlash) {
+            return refuse("--log", "it is no blackbox file, and no DataFlash log");
+        }
+        if self.pulse_us.is_some() && !log.pulse_widths {
+            return refuse("--pulse-us", "its command is a duty already, no pulse width");
+        }
+        if !self.column.is_empty() && !matches!(format, LogFormat::Plain | LogFormat::RcBenchmark) {
+            return refuse("--column", "it is no table of text");
+        }
+        Ok(())
+    }
+}
+
+impl Logs {
+    /// What was found in each log, taken and guessed, in words.
+    pub fn text(&self) -> String {
+        let mut text = self.summaries.iter().map(describe).collect::<Vec<_>>().join("\n");
+        if !self.findings.is_empty() {
+            text.push('\n');
+            text.extend(self.findings.iter().map(words));
+        }
+        text
+    }
+}
+
+/// The length of a log; zero where it cannot be read, of which reading it complains.
+pub fn bytes(file: &Path) -> u64 {
+    file.metadata().map_or(0, |file| file.len())
+}
+
+/// What only options can say, with the command line that has them all. Where no column is in question, they are missing there, and
+/// nothing is wrong with the log.
+fn with_next_command(error: ImportError) -> miette::Report {
+    let missing = error.missing_options();
+    if missing.is_empty() {
+        return error.into();
+    }
+    let help = next_command(&error.help().map(|help| help.to_string()).unwrap_or_default(), &missing);
+    match error {
+        ImportError::UnclearColumns { .. } => miette!(help = help, "{error}"),
+        error => WrongUse::new(error.to_string(), help).into(),
+    }
+}
+
+/// The error of a log whose excitation is another, with the command line that says so.
+pub fn with_other_excitation(error: impl std::fmt::Display) -> miette::Report {
+    let remedy = format!("say what was played where it is another: {EXCITATIONS}");
+    miette!(help = next_command(&remedy, &[MissingOption::excitation()]), "{error}")
+}
+
+/// A remedy with the whole command.
+fn next_command(remedy: &str, missing: &[MissingOption]) -> String {
+    format!("{remedy}. The whole command, with what is in capitals filled in:\n{}", this_command_with(missing))
+}
+
+/// Adds the record of `added`, a log, to those of the logs before it, of which the first is `first`.
+fn join(whole: &mut Experiment, added: Experiment, first: &Path, file: &Path) -> miette::Result<()> {
+    if added.output != whole.output {
+        return Err(miette!(
+            help =
+                "choose one with --output, import them into different folders, or state with --column what is missing",
+            "`{}` and `{}` do not have the same response: it is the thrust of one and the rpm of the other",
+            first.display(),
+            file.display()
+        ));
+    }
+    // Rates that are measured differ; each record's times say its own.
+    if added.sample_rate_hz != whole.sample_rate_hz {
+        whole.sample_rate_hz = None;
+    }
+    for record in added.records {
+        if whole.records.iter().any(|other| other.file == record.file) {
+            return Err(called_alike(&record.file));
+        }
+        whole.records.push(record);
+    }
+    Ok(())
+}
+
+/// Two logs of one name.
+pub fn called_alike(name: &str) -> miette::Report {
+    miette!(
+        help = "give one of the logs another name: a record is called as its log",
+        "two records would be called `{name}`"
+    )
+}
+
+/// Columns of a terminal that sentences keep to.
+const WIDTH: usize = 80;
+
+fn describe(summary: &ImportSummary) -> String {
+    let mut text = String::new();
+    let mut say = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    say(format!("{}: {} of {} rows taken", summary.file.display(), summary.rows_taken, summary.rows_read));
+    for dropped in &summary.dropped {
+        let rows = if dropped.rows == 1 { "row" } else { "rows" };
+        say(format!(
+            "  {}",
+            wrapped(&format!("{} {rows} left out: {}", dropped.rows, dropped.reason), WIDTH - 4, "    ")
+        ));
+    }
+    let timing = &summary.timing;
+    say(format!("  {}", wrapped(&format!("{:.1} rows/s; {}", timing.rate_hz, timing.method), WIDTH - 4, "    ")));
+    if let (Some(rms), Some(max)) = (timing.residual_rms_s, timing.residual_max_s) {
+        say(format!("  stamps are off the even grid by {:.1} ms RMS, {:.1} ms at most", 1e3 * rms, 1e3 * max));
+    }
+    if timing.rows_missing + timing.rows_reordered > 0 {
+        say(format!("  {} rows missing, {} reordered", timing.rows_missing, timing.rows_reordered));
+    }
+    let row = |column: &ColumnUse| {
+        [column.name.as_str(), column.taken_as.as_deref().unwrap_or("-"), &column.note].map(Cell::text).to_vec()
+    };
+    let columns = Table {
+        name: "columns".to_owned(),
+        caption: "Columns".to_owned(),
+        columns: vec![
+            Column::new("column", "column", ""),
+            Column::new("taken_as", "taken as", ""),
+            Column::new("remark", "remark", ""),
+        ],
+        rows: summary.columns.iter().map(row).collect(),
+        ..Table::default()
+    };
+    say(format!("\n{}", columns.text().trim_end()));
+    for note in &summary.notes {
+        say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));
+    }
+    text
+}
+
+/// [`range`] of seconds after a first row.
+fn seconds(text: &str) -> Result<(f64, f64), String> {
+    match range(Quantity::TIME_S)(text)? {
+        (from, _) if from < 0.0 => Err(String::from("nothing is before the first row, which is at 0 seconds")),
+        range => Ok(range),
+    }
+}
+
+/// The names of the two responses.
+pub fn outputs() -> impl clap::builder::TypedValueParser<Value = Output> {
+    PossibleValuesParser::new(["thrust", "rpm"])
+        .map(|name| if name == "thrust" { Output::ThrustN } else { Output::Rpm })
+}
+
+fn excitations() -> impl clap::builder::TypedValueParser<Value = Excitation> {
+    let named = |name: &str| Excitation::ALL.into_iter().find(|excitation| excitation.name() == name);
+    PossibleValuesParser::new(Excitation::ALL.map(Excitation::name))
+        .map(move |name| named(&name).expect("the parser knows these names alone"))
+}

@@ -1,0 +1,113 @@
+//! What a motor was measured by: an experiment's folder, or a log of another tool.
+
+use std::path::{Path, PathBuf};
+use std::slice;
+
+use clap::Args;
+use indicatif::ProgressBar;
+use rotorlead_records::import::{ImportOptions, ImportSummary};
+use rotorlead_records::{Experiment, LongRecord, Output};
+
+use super::WrongUse;
+use super::log_arguments::{LogArguments, outputs};
+use super::report_option::typed;
+
+/// What the folder of a log is called in commands that are proposed.
+const FOLDER: &str = "stand";
+
+/// An experiment, or a log with what it does not say of itself.
+#[derive(Args, Debug)]
+pub struct Measured {
+    /// The experiment's folder, or a log that `rotorlead import` takes
+    #[arg(value_name = "DIR|LOG")]
+    experiment: PathBuf,
+    /// Which column is the response; what the experiment says, or the log shows, unless given
+    #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
+    output: Option<Output>,
+    #[command(flatten, next_help_heading = "Reading a log")]
+    log: LogArguments,
+}
+
+/// What was read.
+pub struct Reading {
+    pub experiment: Experiment,
+    /// Records whose rows stay on disk; none of a log.
+    pub long: Vec<LongRecord>,
+    /// What was found in a log, taken and guessed, in words; empty for a folder.
+    pub text: String,
+    /// The same for programs.
+    pub logs: Option<Vec<ImportSummary>>,
+}
+
+impl Measured {
+    /// The folder or the log.
+    pub fn path(&self) -> &Path {
+        &self.experiment
+    }
+
+    /// Where the experiment has to be in a folder, that.
+    pub fn folder(&self) -> Result<&Path, WrongUse> {
+        self.log.refuse_with(&self.experiment)?;
+        Ok(&self.experiment)
+    }
+
+    /// Reads it. Multisine records whose file is longer than `longest` bytes stay on disk.
+    pub fn read(&self, longest: u64) -> miette::Result<Reading> {
+        if self.is_log() {
+            return self.read_log(true);
+        }
+        let (experiment, long) = Experiment::read_leaving(self.folder()?, longest)?;
+        Ok(Reading { experiment, long, text: String::new(), logs: None })
+    }
+
+    /// Reads it where the commands were logged apart: they are zero.
+    pub fn read_responses(&self) -> miette::Result<Reading> {
+        if self.is_log() {
+            return self.read_log(false);
+        }
+        let experiment = Experiment::read_responses(self.folder()?)?;
+        Ok(Reading { experiment, long: Vec::new(), text: String::new(), logs: None })
+    }
+
+    /// Makes the response the one that is asked for. One that was not taken is refused.
+    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), WrongUse> {
+        let Some(output) = self.output else { return Ok(()) };
+        experiment.output = output;
+        experiment.records.iter().find(|record| record.response(output).is_none()).map_or(Ok(()), |record| {
+            let message = format!("--output asks for `{}`, and `{}` has no such column", output.column(), record.file);
+            let remedy = "leave --output out, or take the other response of the log with `rotorlead import --output`: where it is \
+                          slower than the one that was taken, rows without it are left out";
+            Err(WrongUse::new(message, remedy))
+        })
+    }
+
+    /// The commands that make a folder of it, none where it is one, and that folder.
+    pub fn to_folder(&self) -> (Option<String>, PathBuf) {
+        if !self.is_log() {
+            return (None, self.experiment.clone());
+        }
+        let words = ["import".to_owned(), self.experiment.display().to_string()];
+        let words = words.into_iter().chain(LogArguments::as_typed()).chain(["--out".to_owned(), FOLDER.to_owned()]);
+        (Some(typed(words)), FOLDER.into())
+    }
+
+    /// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.
+    fn is_log(&self) -> bool {
+        let is_file = self.experiment.exists() && !self.experiment.is_dir();
+        is_file && self.experiment.extension().is_none_or(|end| end != "toml")
+    }
+
+    fn read_log(&self, with_command: bool) -> miette::Result<Reading> {
+        let options = ImportOptions { output: self.output, without_command: !with_command, ..self.log.options() };
+        // The command has a bar of its own.
+        let logs = self.log.read(slice::from_ref(&self.experiment), &options, &ProgressBar::hidden())?;
+        let text = logs.text();
+        let mut experiment = logs.experiment;
+        for record in experiment.records.iter_mut().filter(|_| !with_command) {
+            record.command = vec![0.0; record.time_s.len()];
+        }
+        // What a folder with these records would be refused for.
+        experiment.check()?;
+        Ok(Reading { experiment, long: Vec::new(), text, logs: Some(logs.summaries) })
+    }
+}
