@@ -85,7 +85,7 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
         ("candidates", &["slew_limit (named)", "log likelihood"]),
         ("gap", &["u065_multisine.csv", "percent", "noise alone"]),
         ("residual", &["time in the record, s", "measured less simulated, N"]),
-        ("fig_11_bandwidth", &["bandwidth, rad/s", "bandwidth, Hz", "with compensator, sinusoids of 0.05 duty"]),
+        ("bandwidth", &["bandwidth, rad/s", "bandwidth, Hz", "with compensator, sinusoids of 0.05 duty"]),
     ] {
         let svg = fs::read_to_string(folder.join("figures").join(format!("{figure}.svg"))).unwrap();
         for word in words {

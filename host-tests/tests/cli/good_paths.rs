@@ -449,7 +449,7 @@ fn the_numbers_behind_the_figures_are_those_of_the_table() {
         let numbers = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
         stand.read(file).lines().skip(1).map(numbers).collect()
     };
-    let table = rows("figures/table_2.csv");
+    let table = rows("figures/fit_by_nominal.csv");
     let cells = [
         (multisine, "fit_percent"),
         (multisine, "ceiling_percent"),
@@ -460,24 +460,24 @@ fn the_numbers_behind_the_figures_are_those_of_the_table() {
         near(*cell, number(record, key), 1e-12);
     }
     // Fig. 7 gives the % fit of the square wave.
-    let fig_7 = rows("figures/fig_7_u050_square.csv");
-    assert_eq!(fig_7.len(), 4000);
-    let mean = fig_7.iter().map(|row| row[1]).sum::<f64>() / 4000.0;
-    let spread: f64 = fig_7.iter().map(|row| (row[1] - mean).powi(2)).sum();
-    let left: f64 = fig_7.iter().map(|row| row[3].powi(2)).sum();
+    let validation_in_time = rows("figures/validation_in_time_u050_square.csv");
+    assert_eq!(validation_in_time.len(), 4000);
+    let mean = validation_in_time.iter().map(|row| row[1]).sum::<f64>() / 4000.0;
+    let spread: f64 = validation_in_time.iter().map(|row| (row[1] - mean).powi(2)).sum();
+    let left: f64 = validation_in_time.iter().map(|row| row[3].powi(2)).sum();
     assert!((100.0 * (1.0 - (left / spread).sqrt()) - number(square, "fit_percent")).abs() < 1e-9);
-    assert!(fig_7.iter().all(|row| (row[1] - row[2] - row[3]).abs() < 1e-12));
+    assert!(validation_in_time.iter().all(|row| (row[1] - row[2] - row[3]).abs() < 1e-12));
     // Fig. 6: the model is the lag itself, and the band of 95 % holds it at most of the 150 lines.
-    let fig_6 = rows("figures/fig_6_u050_multisine.csv");
-    assert_eq!(fig_6.len(), 150);
+    let validation_in_frequency = rows("figures/validation_in_frequency_u050_multisine.csv");
+    assert_eq!(validation_in_frequency.len(), 150);
     let model: toml::Value = toml::from_str(&stand.read("found.toml")).unwrap();
     let point = |key: &str| model["point"][0][key].as_float().unwrap();
-    for row in &fig_6 {
+    for row in &validation_in_frequency {
         let x = std::f64::consts::TAU * row[0] * point("time_constant_s");
         near(row[9], point("gain") / (1.0 + x * x).sqrt(), 1e-9);
         assert!(row[4] < row[3] && row[3] < row[5] && row[7] < row[6] && row[6] < row[8], "{row:?}");
     }
-    let held = fig_6.iter().filter(|row| (row[4]..=row[5]).contains(&row[9])).count();
+    let held = validation_in_frequency.iter().filter(|row| (row[4]..=row[5]).contains(&row[9])).count();
     // Smoothed errors hang together over nine lines: some 30 of them are independent.
     assert!((110..=150).contains(&held), "{held}");
 

@@ -132,9 +132,9 @@ fn a_report_has_the_bandwidths_and_phases_of_its_model() {
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
     stand.run("report sim --model model.toml --no-diagnosis --out report.html --figures of-report");
     stand.run("bandwidth --model model.toml --figures of-bandwidth");
-    let table = stand.read("of-bandwidth/table_3.csv");
+    let table = stand.read("of-bandwidth/predicted_bandwidth.csv");
     assert!(table.contains("compensated_phase_deg"), "{table}");
-    assert_eq!(stand.read("of-report/table_3.csv"), table);
+    assert_eq!(stand.read("of-report/predicted_bandwidth.csv"), table);
 }
 
 #[test]

@@ -23,3 +23,12 @@ pub fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
         .word_separator(WordSeparator::AsciiSpace);
     textwrap::fill(&printable_line(sentence), options)
 }
+
+/// Words as a sentence of their own: a capital letter, and a full stop where there is none.
+#[must_use]
+pub fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    let stop = if words.ends_with(['.', '?', ':']) { "" } else { "." };
+    format!("{first}{}{stop}", letters.as_str())
+}

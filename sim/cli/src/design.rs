@@ -12,8 +12,7 @@ use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
 use rotorlead_results::{
     Chosen, DesignResult, Designed, bandwidth_section, bandwidth_table, curve_table, design_section, design_table,
-    discrete_table, inverse_equation, inverse_table, recommendation_table, refused, setting_name, to_fly,
-    transfer_function,
+    discrete_table, inverse_equation, inverse_table, recommendation_table, setting_name, to_fly, transfer_function,
 };
 use rotorlead_vehicle::Recommendation;
 
@@ -109,8 +108,7 @@ impl Design {
 /// What was recommended for each purpose, and what it was chosen from.
 fn chosen(recommendation: &Recommendation) -> String {
     let table = recommendation_table(recommendation).text();
-    let said = to_fly(recommendation).into_iter().chain(refused(recommendation));
-    table + &said.map(|sentence| paragraph(&sentence, "  ")).collect::<String>()
+    table + &to_fly(recommendation).into_iter().map(|sentence| paragraph(&sentence, "  ")).collect::<String>()
 }
 
 /// The inverse with what its check found, and its curve.

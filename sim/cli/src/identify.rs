@@ -11,7 +11,7 @@ use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyOptions};
 use rotorlead_records::Finding;
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::import::MissingOption;
-use rotorlead_results::{IdentifyResult, excitation_section, transform};
+use rotorlead_results::{IdentifyResult, excitation_section, flight_section, transform};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};
@@ -108,10 +108,11 @@ impl Identify {
             let model = self.out.as_deref().map(|out| report_pages::file("Model", out));
             let facts =
                 [report_pages::records(&experiment, self.measured.path()), stand.into_iter().chain(model).collect()];
+            let recommended = found.assessment.recommendation.iter().map(flight_section);
             Report {
                 facts: facts.concat(),
                 warnings: answer.warnings(),
-                sections: vec![answer.section(), excitation_section(&experiment)],
+                sections: recommended.chain([answer.section(), excitation_section(&experiment)]).collect(),
                 ..report_pages::report(
                     "Identification",
                     format!("Identification of {}", experiment.name),

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Fact, Report, Tone, Verdict};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
-use rotorlead_plant::{CompensatorDesign, Judgement, Model, Word};
+use rotorlead_plant::{CompensatorDesign, Judgement, Model};
 use rotorlead_records::Experiment;
-use rotorlead_results::experiment_facts;
+use rotorlead_results::{experiment_facts, tone};
 
 use super::report_option::this_command;
 
@@ -75,25 +76,10 @@ pub fn lags(model: &Model) -> String {
     )
 }
 
-/// What was identified, in a sentence, and whether a compensator may be built on it.
-pub fn identified(model: &Model, judgement: &Judgement, warnings: usize) -> Verdict {
-    let Verdict { tone, headline, mut sentences } = judged(judgement);
-    sentences.insert(0, headline);
-    if warnings == 0 {
-        sentences.push("The records gave no warning.".to_owned());
-    }
-    warned(Verdict { tone, headline: format!("Identified: {}.", lags(model)), sentences }, warnings)
-}
-
 /// Whether a compensator may be built on a model, with the reasons.
 pub fn judged(judgement: &Judgement) -> Verdict {
-    let tone = match judgement.state {
-        Word::Ready => Tone::Good,
-        Word::ReadyWithinLimits => Tone::Plain,
-        Word::MeasureAgain | Word::NotALag => Tone::Attention,
-    };
-    let reasons = judgement.limits.iter().map(|reason| format!("Because {reason}."));
-    Verdict::new(tone, format!("Judged: {}.", judgement.state)).with(reasons.collect())
+    let reasons = judgement.limits.iter().map(|reason| sentence(reason));
+    Verdict::new(tone(judgement.state), format!("Judged: {}.", judgement.state)).with(reasons.collect())
 }
 
 /// The same verdict where there may be warnings below.

@@ -23,6 +23,9 @@ use crate::markup::markup;
 const STYLE: &str = include_str!("../templates/report.css");
 const SCRIPT: &str = include_str!("../templates/report.js");
 
+/// Tables with more rows are folded.
+const LONG: usize = 24;
+
 /// What stands over the commands.
 const AGAIN: &str = "In the folder where this was run, with the same version. The same input gives the same file.";
 

@@ -81,7 +81,7 @@ pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Tabl
         columns.retain(|column| !(column.name.ends_with("phase_deg") || column.name.ends_with("minus_90_rad_s")));
     }
     Table {
-        name: "table_3".to_owned(),
+        name: "predicted_bandwidth".to_owned(),
         caption: "Predicted bandwidth".to_owned(),
         columns,
         rows: points.iter().enumerate().map(row).collect(),

@@ -40,7 +40,7 @@ pub use lost_gain::lost_gain;
 pub use number::parameter_with_std;
 pub use points::PointValues;
 pub use predicted_steps::{robustness_table, steps_table};
-pub use recommendation::{JudgementValues, recommendation_table, refused, to_fly};
+pub use recommendation::{JudgementValues, flight_section, recommendation_table, to_fly};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
     FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,

@@ -1,9 +1,12 @@
 //! What to fly on a motor, for people and for programs.
 
-use rotorlead_answer::{Cell, Column, Table};
+use rotorlead_answer::words::sentence;
+use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Section, Series, Table};
 use rotorlead_plant::Judgement;
 use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
 use serde::Serialize;
+
+use super::figures::bode::{Curve, bode};
 
 /// Whether a compensator may be built on a model, and which one is worth it.
 #[derive(Serialize)]
@@ -87,8 +90,55 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
         rows: found.candidates.iter().map(row).collect(), ..Table::default() }
 }
 
-/// What was not compared, a sentence each.
+/// What to fly, with a step and the frequency response of the bare motor, the lead and an inverse.
 #[must_use]
-pub fn refused(found: &Recommendation) -> Vec<String> {
-    found.refused.iter().map(|one| format!("There is no {}: {}.", one.actuator.name(), one.reason)).collect()
+pub fn flight_section(found: &Recommendation) -> Section {
+    let drawn: Vec<(Color, &Candidate)> = drawn(found).collect();
+    let steps = drawn.iter().map(|(color, one)| {
+        let points = one.step.iter().map(|(time_s, part)| (1e3 * time_s, *part)).collect();
+        Series::new(one.actuator.name(), *color, Mark::Line, points)
+    });
+    let step = Panel {
+        height: 300,
+        ..Panel::new(Axis::linear("time", "ms"), Axis::linear("part of the step", ""), steps.collect())
+    };
+    let step = Figure::new(
+        FigureKind::FlightStep,
+        "A step of 5 % of the command, in the middle of the range",
+        "Simulated with the code that runs on the controller and this motor's lags. The dead time of the model is in it.",
+        vec![step],
+    );
+    let curves: Vec<Curve> = drawn
+        .iter()
+        .map(|(color, one)| Curve::new(one.actuator.name(), Mark::Line, *color, one.response.clone()))
+        .collect();
+    let response = Figure::new(
+        FigureKind::FlightResponse,
+        "Frequency response in the middle of the range",
+        "Motor and compensator over the static gain, for small signals. The bandwidth is where it is 3 dB down; a loop around it can \
+         use it up to about -90 degrees.",
+        bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
+    );
+    Section {
+        text: to_fly(found).iter().map(|words| sentence(words)).collect(),
+        figures: vec![step, response],
+        ..Section::new("to_fly", "What to fly")
+    }
+}
+
+/// The bare motor, the lead and an inverse: the recommended one, or the first; each kind has its color.
+fn drawn(found: &Recommendation) -> impl Iterator<Item = (Color, &Candidate)> {
+    let of = |is: fn(ActuatorKind) -> bool| {
+        let is_recommended =
+            |one: &&Candidate| [&found.force, &found.rate_loop].iter().any(|choice| choice.actuator == one.actuator);
+        let all = || found.candidates.iter().filter(move |one| is(one.actuator));
+        all().find(is_recommended).or_else(|| all().next())
+    };
+    [
+        (Color::Gray, of(|kind| kind == ActuatorKind::None)),
+        (Color::Vermilion, of(|kind| kind == ActuatorKind::Lead)),
+        (Color::Blue, of(|kind| matches!(kind, ActuatorKind::Inverse { .. }))),
+    ]
+    .into_iter()
+    .filter_map(|(color, one)| Some((color, one?)))
 }

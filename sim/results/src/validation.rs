@@ -190,7 +190,7 @@ pub fn validation_by_nominal(records: &[RecordValidation]) -> Option<Table> {
     };
     let rows: Vec<_> = table_2(records).iter().map(row).collect();
     (!rows.is_empty()).then(|| Table {
-        name: "table_2".to_owned(),
+        name: "fit_by_nominal".to_owned(),
         caption: "Fit by nominal command".to_owned(),
         columns: vec![
             Column::new("u_nom", "u_nom", "duty"),

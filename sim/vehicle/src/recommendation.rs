@@ -3,6 +3,7 @@
 //! Both are simulated with the default vehicle, its motors lags of the model's time constants and dead time and of one gain: what is
 //! compared is what the lag costs. `docs/judgement.md` has the rules.
 
+use num_complex::Complex64;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead_identify::Bandwidth;
 use rotorlead_identify::design::redesign::KindOptions;
@@ -36,6 +37,11 @@ const RISE: [f64; 2] = [0.1, 0.9];
 const STEP_TIME_CONSTANTS: f64 = 4.0;
 /// How long the vehicle is simulated after a gust, seconds: its angle is largest long before.
 const GUST_S: f64 = 1.0;
+/// One of so many ticks of a step is drawn.
+const DRAWN_EVERY: usize = 10;
+/// From where to where a response is drawn, rad/s, and at how many points.
+const DRAWN_RAD_S: (f64, f64) = (1.0, 1000.0);
+const DRAWN_POINTS: usize = 150;
 /// A force that rises in more than this part of the time of the bare motor is not worth a compensator.
 const WORTH_RISING: f64 = 0.8;
 
@@ -111,6 +117,10 @@ pub struct Candidate {
     pub noise_gain: f64,
     /// Largest command over the step that asks for it.
     pub step_peak: f64,
+    /// The step up at hover, for figures: time in seconds, and how much of it there is.
+    pub step: Vec<(f64, f64)>,
+    /// Motor and compensator at hover over the static gain, without the pulses' delays, for figures: frequency in rad/s, and response.
+    pub response: Vec<(f64, Complex64)>,
 }
 
 impl Recommendation {
@@ -227,7 +237,22 @@ impl Case<'_> {
             rate_loop: self.rate_loop(&actuator),
             noise_gain,
             step_peak,
+            response: self.response(&actuator),
+            step: up.drawn,
         }
+    }
+
+    /// Motor and compensator at hover.
+    fn response(&self, actuator: &Actuator) -> Vec<(f64, Complex64)> {
+        let hover = self.airframe.hover.command;
+        let at = |index: usize| {
+            let (low, high) = DRAWN_RAD_S;
+            let omega = low * (high / low).powf(index as f64 / (DRAWN_POINTS - 1) as f64);
+            let lag = Complex64::new(1.0, omega / self.rotor.pole_rad_s(hover)).inv();
+            let late = Complex64::cis(-omega * self.rotor.delay_s(hover));
+            (omega, actuator.response(omega, hover, &self.rotor) * lag * late)
+        };
+        (0..DRAWN_POINTS).map(at).collect()
     }
 
     /// The lowest bandwidth of the operating points, and the lowest frequency at which the chain lags 90 degrees: with `design`, or
@@ -258,10 +283,15 @@ impl Case<'_> {
         let mut v = hover;
         let mut is_limited = false;
         let mut reached = [None; 2];
+        let mut drawn = vec![(0.0, 0.0)];
         for tick in 0..ticks {
             let command = running.update(hover + step, v);
             is_limited |= command <= low || command >= high;
             v = self.rotor.advanced(v, command, 1.0 / TICK_HZ);
+            if tick % DRAWN_EVERY == 0 {
+                let late_s = self.rotor.delay_s(hover);
+                drawn.push(((tick + 1) as f64 / TICK_HZ + late_s, (v - hover) / step));
+            }
             for (when, part) in reached.iter_mut().zip(RISE) {
                 if (v - hover) / step >= part {
                     when.get_or_insert(tick);
@@ -269,7 +299,7 @@ impl Case<'_> {
             }
         }
         let [from, to] = reached;
-        Step { rise_s: from.zip(to).map(|(from, to)| (to - from) as f64 / TICK_HZ), is_limited }
+        Step { rise_s: from.zip(to).map(|(from, to)| (to - from) as f64 / TICK_HZ), is_limited, drawn }
     }
 
     /// The rate loop, with one gain set for the range of hover commands.
@@ -300,6 +330,7 @@ impl Case<'_> {
 struct Step {
     rise_s: Option<f64>,
     is_limited: bool,
+    drawn: Vec<(f64, f64)>,
 }
 
 /// What lets a force rise soonest and leaves the step of the command room at hover.

@@ -4,6 +4,10 @@
 /// asks it for every one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FigureKind {
+    /// A step without, with the lead and with the inverse.
+    FlightStep,
+    /// Frequency responses of the same.
+    FlightResponse,
     /// Response over command at rest: the paper's Fig. 2.
     StaticMap,
     /// Frequency response of the stand: the paper's Fig. 3.
@@ -60,7 +64,9 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 28] = [
+        Self::FlightStep,
+        Self::FlightResponse,
         Self::Record,
         Self::Excitation,
         Self::StaticMap,
@@ -93,18 +99,20 @@ impl FigureKind {
     #[must_use]
     pub fn id(self) -> &'static str {
         match self {
-            Self::StaticMap => "fig_2_static_map",
-            Self::StandResponse => "fig_3_stand_response",
-            Self::PoleZeroMap => "fig_3_pole_zero_map",
-            Self::Excitation => "fig_4",
-            Self::Responses => "fig_5_responses",
-            Self::FrequencyValidation => "fig_6",
-            Self::TimeValidation => "fig_7",
-            Self::SimulatedResponse => "fig_8_simulated_response",
-            Self::Compensator => "fig_9_compensator",
-            Self::MeasuredResponse => "fig_10_measured_response",
-            Self::Bandwidth => "fig_11_bandwidth",
-            Self::SimulationAndExperiment => "fig_12_simulation_and_experiment",
+            Self::FlightStep => "flight_step",
+            Self::FlightResponse => "flight_response",
+            Self::StaticMap => "static_map",
+            Self::StandResponse => "stand_response",
+            Self::PoleZeroMap => "pole_zero_map",
+            Self::Excitation => "excitation",
+            Self::Responses => "responses",
+            Self::FrequencyValidation => "validation_in_frequency",
+            Self::TimeValidation => "validation_in_time",
+            Self::SimulatedResponse => "simulated_response",
+            Self::Compensator => "compensator_response",
+            Self::MeasuredResponse => "measured_response",
+            Self::Bandwidth => "bandwidth",
+            Self::SimulationAndExperiment => "simulation_and_experiment",
             Self::Demonstration => "bode",
             Self::DemonstratedSteps => "demonstrated_steps",
             Self::Record => "record",

@@ -24,8 +24,8 @@ use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
-    Curve, IdentifyResult, bandwidth_section, bode, design_section, excitation_section, measured_response,
-    simulation_and_experiment, validation_section,
+    Curve, IdentifyResult, bandwidth_section, bode, design_section, excitation_section, flight_section,
+    measured_response, simulation_and_experiment, validation_section,
 };
 use serde::Serialize;
 
@@ -192,14 +192,16 @@ impl Demo {
             bandwidth.figures.push(drawn);
             bandwidth.tables.push(inverse.table());
             bandwidth.figures.push(inverse.figure.clone());
-            let sections = vec![
-                result.beside_the_paper(),
+            let recommended = identified.assessment.recommendation.iter().map(flight_section);
+            let parts = [
                 identified.answer(&stand).section(),
                 excitation_section(&stand),
                 validation_section(&validated, stand.output),
                 design_section(&compensator, model),
                 bandwidth,
+                result.beside_the_paper(),
             ];
+            let sections = recommended.chain(parts).collect();
             let facts = report_pages::records(&stand, &self.out);
             let title = "The paper's method on simulated actuators";
             Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }

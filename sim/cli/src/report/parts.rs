@@ -33,6 +33,8 @@ pub(super) struct Parts {
     pub identified: Part<IdentifyResult>,
     /// The given model, or the one identified.
     pub model: Model,
+    /// Whether it was given.
+    pub is_given: bool,
     pub validated: Part<Vec<RecordValidation>>,
     /// Whether a compensator may be built on it.
     pub judgement: Judgement,
@@ -178,6 +180,7 @@ impl Parts {
         Ok(Self {
             identified,
             model,
+            is_given: given.is_some(),
             validated,
             judgement,
             recommendation,

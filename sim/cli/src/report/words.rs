@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Report, Section, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::design::redesign::KindOptions;
@@ -9,8 +10,8 @@ use rotorlead_identify::design::{DesignOptions, InverseOptions};
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
     JudgementValues, PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, lost_gain, measured_response, parameter_with_std, simulation_and_experiment, to_fly,
-    validation_section,
+    excitation_section, flight_section, lost_gain, measured_response, parameter_with_std, simulation_and_experiment,
+    to_fly, validation_section,
 };
 use serde_json::{Value, json};
 
@@ -31,7 +32,7 @@ impl Parts {
             facts: [report_pages::records(experiment, command.measured.path()), judged.into_iter().collect()].concat(),
             sections: self.sections(experiment),
             commands: self.commands(&command.measured, given),
-            verdict: self.verdict(warnings.len()),
+            verdict: self.verdict(experiment, warnings.len()),
             warnings,
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
         }
@@ -45,8 +46,7 @@ impl Parts {
                 vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
             }
         };
-        // The records come first.
-        sections.reverse();
+        sections.splice(0..0, self.recommendation.iter().map(flight_section));
         sections.push(match &self.validated {
             Ok(records) => validation_section(records, experiment.output),
             Err(reason) => left_out("validation", "Validation", reason),
@@ -84,7 +84,7 @@ impl Parts {
     }
 
     /// The diagnosis first where there is one: whether the model can be relied on. Then what was found on the way.
-    fn verdict(&self, warnings: usize) -> Verdict {
+    fn verdict(&self, experiment: &Experiment, warnings: usize) -> Verdict {
         let mut verdicts = Vec::new();
         // Nothing below is worth more than the records.
         if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
@@ -97,24 +97,27 @@ impl Parts {
             verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
         }
         // A diagnosis of steps has one lag for all levels, beside which those of each level stay.
-        match self.missing().filter(|_| !self.is_of_steps()) {
-            Some(found) => {
-                let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
-                verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+        let own = self.identified.as_ref().ok().filter(|_| !self.is_given);
+        match (self.missing().filter(|_| !self.is_of_steps()), own) {
+            (None, Some(found)) => {
+                verdicts.push(report_pages::warned(found.answer(experiment).verdict, warnings));
+            }
+            (missing, _) => {
+                if let Some(found) = missing {
+                    let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
+                    verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+                }
                 verdicts.push(report_pages::judged(&self.judgement));
+                verdicts.extend(self.recommendation.iter().map(|found| {
+                    Verdict::new(Tone::Plain, "What to fly:")
+                        .with(to_fly(found).iter().map(|words| sentence(words)).collect())
+                }));
             }
-            None if self.identified.is_ok() => {
-                verdicts.push(report_pages::identified(&self.model, &self.judgement, warnings));
-            }
-            None => verdicts.push(report_pages::judged(&self.judgement)),
         }
         if self.diagnosed.is_none() {
             let unasked =
                 "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
             verdicts.push(Verdict::new(Tone::Plain, unasked));
-        }
-        if let Some(recommendation) = &self.recommendation {
-            verdicts.push(Verdict::new(Tone::Plain, "What to fly:").with(to_fly(recommendation)));
         }
         match &self.designed {
             Ok(Designed { design, points, phases, .. }) => {

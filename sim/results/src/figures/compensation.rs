@@ -176,16 +176,11 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
         points.iter().filter_map(|point| Some((point.nominal, of(point).rad_s()?))).collect()
     };
     let mut series = vec![
-        Series::new(
-            "without compensator, predicted",
-            Color::Vermilion,
-            Mark::Line,
-            predicted(|point| point.uncompensated),
-        ),
+        Series::new("without compensator, predicted", Color::Gray, Mark::Line, predicted(|point| point.uncompensated)),
         Series::new("with compensator, predicted", Color::Blue, Mark::Line, predicted(|point| point.compensated)),
     ];
     for (name, color, is_compensated) in
-        [("without compensator, measured", Color::Vermilion, false), ("with compensator, measured", Color::Blue, true)]
+        [("without compensator, measured", Color::Gray, false), ("with compensator, measured", Color::Blue, true)]
     {
         let found = measured.iter().filter(|one| one.compensated == is_compensated);
         let known: Vec<_> = found.filter_map(|one| Some((one, one.bandwidth.bandwidth.rad_s()?))).collect();

@@ -33,7 +33,11 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
         fit.degree(),
         fit.points
     );
-    Table { notes: notes(fit, output), weight: Weight::Detail, ..table_of("static_map", caption, &columns, &rows) }
+    Table {
+        notes: notes(fit, output),
+        weight: Weight::Detail,
+        ..table_of("static_map_terms", caption, &columns, &rows)
+    }
 }
 
 fn interval(estimate: Estimate, digits: usize) -> String {

@@ -8,6 +8,7 @@ mod other_output;
 mod tables;
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Figure, Table, Tone, Verdict, Weight};
 use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::static_map::StaticMapFit;
@@ -127,7 +128,8 @@ impl IdentifyResult {
         let to_fly = recommendation.iter().flat_map(to_fly);
         let other_output = self.other_output.iter().map(|other| other.sentence(output));
         let sentences = first.iter().cloned().chain(to_fly).chain(others.iter().cloned()).chain(other_output);
-        Verdict::new(tone(judgement.state), headline(&self.identification, judgement)).with(sentences.collect())
+        let sentences = sentences.map(|words| sentence(&words)).collect();
+        Verdict::new(tone(judgement.state), headline(&self.identification, judgement)).with(sentences)
     }
 
     fn values(&self, output: Output, judgement: JudgementValues) -> Map<String, Value> {
