@@ -94,7 +94,7 @@ impl Identify {
                 .wrap_err_with(nothing)?;
             Ok((aligned, found))
         })?;
-        let Aligned { experiment, text: of_logs, warnings, alignments, logs, .. } = aligned;
+        let Aligned { experiment, text: of_logs, detail, warnings, alignments, logs, .. } = aligned;
         self.out.as_deref().map_or(Ok(()), |out| found.identification.model.write(out))?;
 
         let mut answer = found.answer(&experiment);
@@ -120,7 +120,7 @@ impl Identify {
                 )
             }
         })?);
-        Ok(Outcome::of(&answer, &written).after(&of_logs))
+        Ok(Outcome::of(&answer, &written).after(&of_logs, &detail))
     }
 }
 

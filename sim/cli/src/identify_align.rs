@@ -67,6 +67,8 @@ pub struct Aligned {
     pub long: Vec<LongRecord>,
     /// What was found in a log and of its clock, in words; empty for a folder where nothing was to be aligned.
     pub text: String,
+    /// All that was found in a log.
+    pub detail: String,
     pub warnings: Vec<String>,
     /// One per record; `None` where nothing was to be aligned.
     pub alignments: Option<Vec<AlignmentValues>>,
@@ -78,10 +80,10 @@ impl AlignOptions {
     /// Reads the experiment, and merges its command logs where there are any.
     pub fn read(&self, measured: &Measured) -> miette::Result<Aligned> {
         if self.align.is_empty() {
-            let Reading { experiment, long, text, logs } = measured.read(LONG_FILE)?;
-            return Ok(Aligned { experiment, long, text, warnings: Vec::new(), alignments: None, logs });
+            let Reading { experiment, long, text, detail, logs } = measured.read(LONG_FILE)?;
+            return Ok(Aligned { experiment, long, text, detail, warnings: Vec::new(), alignments: None, logs });
         }
-        let Reading { mut experiment, mut text, logs, .. } = measured.read_responses()?;
+        let Reading { mut experiment, mut text, detail, logs, .. } = measured.read_responses()?;
         let (given, records) = (self.align.len(), experiment.records.len());
         if given != records {
             let message =
@@ -118,7 +120,7 @@ impl AlignOptions {
             writeln!(text, "merged records written to {}", merged.display()).expect("a string takes all");
         }
         text.push('\n');
-        Ok(Aligned { experiment, long: Vec::new(), text, warnings, alignments: Some(found), logs })
+        Ok(Aligned { experiment, long: Vec::new(), text, detail, warnings, alignments: Some(found), logs })
     }
 
     fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {

@@ -200,7 +200,16 @@ impl LogArguments {
 impl Logs {
     /// What was found in each log, taken and guessed, in words.
     pub fn text(&self) -> String {
-        let mut text = self.summaries.iter().map(describe).collect::<Vec<_>>().join("\n");
+        self.in_words(|summary| describe(summary) + &notes(summary))
+    }
+
+    /// What of that bears on the numbers.
+    pub fn in_short(&self) -> String {
+        self.in_words(|summary| taken(summary) + &notes(summary))
+    }
+
+    fn in_words(&self, of: impl Fn(&ImportSummary) -> String) -> String {
+        let mut text = self.summaries.iter().map(of).collect::<Vec<_>>().join("\n");
         if !self.findings.is_empty() {
             text.push('\n');
             text.extend(self.findings.iter().map(words));
@@ -274,13 +283,23 @@ pub fn called_alike(name: &str) -> miette::Report {
 /// Columns of a terminal that sentences keep to.
 const WIDTH: usize = 80;
 
+/// How many rows there are.
+fn taken(summary: &ImportSummary) -> String {
+    format!("{}: {} of {} rows taken\n", summary.file.display(), summary.rows_taken, summary.rows_read)
+}
+
+/// What a reader may have guessed.
+fn notes(summary: &ImportSummary) -> String {
+    summary.notes.iter().map(|note| format!("\nnote: {}\n", wrapped(note, WIDTH - 6, "      "))).collect()
+}
+
+/// Rows, timing and columns.
 fn describe(summary: &ImportSummary) -> String {
-    let mut text = String::new();
+    let mut text = taken(summary);
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');
     };
-    say(format!("{}: {} of {} rows taken", summary.file.display(), summary.rows_taken, summary.rows_read));
     for dropped in &summary.dropped {
         let rows = if dropped.rows == 1 { "row" } else { "rows" };
         say(format!(
@@ -311,9 +330,6 @@ fn describe(summary: &ImportSummary) -> String {
         ..Table::default()
     };
     say(format!("\n{}", columns.text().trim_end()));
-    for note in &summary.notes {
-        say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));
-    }
     text
 }
 

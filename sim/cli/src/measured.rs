@@ -33,8 +33,10 @@ pub struct Reading {
     pub experiment: Experiment,
     /// Records whose rows stay on disk; none of a log.
     pub long: Vec<LongRecord>,
-    /// What was found in a log, taken and guessed, in words; empty for a folder.
+    /// What of a log bears on the numbers, in words; empty for a folder.
     pub text: String,
+    /// All that was found in it, taken and guessed.
+    pub detail: String,
     /// The same for programs.
     pub logs: Option<Vec<ImportSummary>>,
 }
@@ -57,7 +59,7 @@ impl Measured {
             return self.read_log(true);
         }
         let (experiment, long) = Experiment::read_leaving(self.folder()?, longest)?;
-        Ok(Reading { experiment, long, text: String::new(), logs: None })
+        Ok(Reading { experiment, long, text: String::new(), detail: String::new(), logs: None })
     }
 
     /// Reads it where the commands were logged apart: they are zero.
@@ -66,7 +68,7 @@ impl Measured {
             return self.read_log(false);
         }
         let experiment = Experiment::read_responses(self.folder()?)?;
-        Ok(Reading { experiment, long: Vec::new(), text: String::new(), logs: None })
+        Ok(Reading { experiment, long: Vec::new(), text: String::new(), detail: String::new(), logs: None })
     }
 
     /// Makes the response the one that is asked for. One that was not taken is refused.
@@ -101,13 +103,13 @@ impl Measured {
         let options = ImportOptions { output: self.output, without_command: !with_command, ..self.log.options() };
         // The command has a bar of its own.
         let logs = self.log.read(slice::from_ref(&self.experiment), &options, &ProgressBar::hidden())?;
-        let text = logs.text();
+        let (text, detail) = (logs.in_short(), logs.text());
         let mut experiment = logs.experiment;
         for record in experiment.records.iter_mut().filter(|_| !with_command) {
             record.command = vec![0.0; record.time_s.len()];
         }
         // What a folder with these records would be refused for.
         experiment.check()?;
-        Ok(Reading { experiment, long: Vec::new(), text, logs: Some(logs.summaries) })
+        Ok(Reading { experiment, long: Vec::new(), text, detail, logs: Some(logs.summaries) })
     }
 }

@@ -75,9 +75,12 @@ impl Outcome {
     }
 
     /// The same behind what was done before.
-    pub fn after(self, text: &str) -> Self {
-        let parts = [text.trim_end(), self.text.as_str()].into_iter().filter(|part| !part.is_empty());
-        Self { text: parts.collect::<Vec<_>>().join("\n\n"), ..self }
+    pub fn after(self, text: &str, detail: &str) -> Self {
+        let behind = |before: &str, part: &str| {
+            let parts = [before.trim_end(), part].into_iter().filter(|part| !part.is_empty());
+            parts.collect::<Vec<_>>().join("\n\n")
+        };
+        Self { text: behind(text, &self.text), detail: behind(detail, &self.detail), ..self }
     }
 
     /// The same with what `--verbose` adds.

@@ -103,6 +103,11 @@ pub fn faster(points: &[BandwidthPoint]) -> String {
     format!("Predicted bandwidth: {} rad/s without, {} rad/s with the compensator.", span(before), span(after))
 }
 
+/// The lowest and the highest bandwidth, in rad/s.
+pub fn extent(points: &[BandwidthPoint], of: impl Fn(&BandwidthPoint) -> Bandwidth) -> String {
+    span(ends(points.iter().filter_map(|point| of(point).rad_s())))
+}
+
 /// Both ends in words, or one where they are the same.
 fn span((low, high): (f64, f64)) -> String {
     if high > low { format!("{low:.1} to {high:.1}") } else { format!("{low:.1}") }

@@ -2,6 +2,7 @@
 
 use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict, with_std};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
+use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_results::bandwidth_cell;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
@@ -38,7 +39,14 @@ impl Demonstrated<'_> {
             "The paper's own measured bandwidths lie elsewhere: its actuators are more than a lag, those simulated here are not."
                 .to_owned(),
         ];
-        Verdict::new(Tone::Plain, report_pages::faster(self.simulated)).with(sentences)
+        let compensated = |points: &[BandwidthPoint]| report_pages::extent(points, |point| point.compensated);
+        let headline = format!(
+            "Bandwidth: {} rad/s without a compensator, {} with the paper's lead, {} with the inverse.",
+            report_pages::extent(self.simulated, |point| point.uncompensated),
+            compensated(self.simulated),
+            compensated(&self.inverse.simulated),
+        );
+        Verdict::new(Tone::Plain, headline).with(sentences)
     }
 
     /// Tables 1 to 3 of the paper with a column for each number that was found here.
