@@ -52,8 +52,9 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 16] = [
+const PAGES: [Page; 17] = [
     Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
+    Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),
@@ -296,6 +297,11 @@ fn holds(file: &str) {
 }
 
 #[cfg(unix)]
+#[test]
+fn the_page_on_your_own_motor_shows_what_its_commands_do() {
+    holds("docs/own-motor.md");
+}
+
 #[test]
 fn the_readme_shows_what_its_commands_do() {
     holds("README.md");

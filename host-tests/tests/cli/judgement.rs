@@ -34,7 +34,7 @@ fn judged_alike(stand: &Stand, name: &str) -> Value {
     let identified = stand.json("identify stand --out found.toml")["judgement"].clone();
     let word = identified["state"].as_str().unwrap().to_owned();
     let headline = stand.run("identify stand --out found.toml");
-    let headline = headline.split("\n\n").next().unwrap().replace('\n', " ");
+    let headline = headline.rsplit("\n\n").next().unwrap().replace('\n', " ");
     assert!(headline.contains(&format!(": {word}")), "{name}: {headline}");
     for command in
         ["validate stand --model found.toml --report page.html", "report stand --no-diagnosis --out page.html"]

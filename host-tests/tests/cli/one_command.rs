@@ -177,7 +177,7 @@ fn what_is_no_log_takes_no_option_of_one() {
         ("--log 1", "--log"),
     ] {
         for command in ["identify", "identify --stand", "report"] {
-            let said = format!("{name} says what is in a log, and `stand` is an experiment's folder");
+            let said = format!("{name} says what is in a log, and `stand` is taken as an experiment's folder");
             stand.refuses(&format!("{command} stand {option}"), 2, &[&said, &format!("leave {name} out")]);
         }
     }
@@ -186,7 +186,7 @@ fn what_is_no_log_takes_no_option_of_one() {
     stand.refuses("identify log.csv --excitation step --motor 1", 2, &["it is no autopilot's log"]);
     stand.refuses("identify log.csv --excitation step --output rpm", 1, &["no column was taken as rpm"]);
     stand.refuses("identify log.csv --excitation step --out log.csv", 2, &["would be read and then written over"]);
-    stand.refuses("identify nowhere.csv", 1, &["`nowhere.csv` does not exist"]);
+    stand.refuses("identify nowhere.csv --excitation step", 1, &["`nowhere.csv` does not exist"]);
     stand.refuses("identify stand/experiment.toml", 1, &["is not a folder", "the folder that holds experiment.toml"]);
 }
 

@@ -139,8 +139,10 @@ impl LogArguments {
             (self.log.is_some(), "--log"),
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map_or(Ok(()), |(_, option)| {
-            let message =
-                format!("{option} says what is in a log, and `{}` is an experiment's folder", folder.display());
+            let message = format!(
+                "{option} says what is in a log, and `{}` is taken as an experiment's folder",
+                folder.display()
+            );
             Err(WrongUse::new(message, format!("leave {option} out: experiment.toml says it; or give a log")))
         })
     }

@@ -49,7 +49,10 @@ impl Measured {
 
     /// Where the experiment has to be in a folder, that.
     pub fn folder(&self) -> Result<&Path, WrongUse> {
-        self.log.refuse_with(&self.experiment)?;
+        // Of what is not there, that is said.
+        if self.experiment.exists() {
+            self.log.refuse_with(&self.experiment)?;
+        }
         Ok(&self.experiment)
     }
 
@@ -83,14 +86,16 @@ impl Measured {
         })
     }
 
-    /// The commands that make a folder of it, none where it is one, and that folder.
-    pub fn to_folder(&self) -> (Option<String>, PathBuf) {
-        if !self.is_log() {
-            return (None, self.experiment.clone());
-        }
+    /// What other commands take in its place: the folder, of a log the one that [`Self::import_command`] makes.
+    pub fn as_folder(&self) -> &Path {
+        if self.is_log() { Path::new(FOLDER) } else { &self.experiment }
+    }
+
+    /// The command that makes a folder of a log.
+    pub fn import_command(&self) -> Option<String> {
         let words = ["import".to_owned(), self.experiment.display().to_string()];
-        let words = words.into_iter().chain(LogArguments::as_typed()).chain(["--out".to_owned(), FOLDER.to_owned()]);
-        (Some(typed(words)), FOLDER.into())
+        let out = ["--out".to_owned(), FOLDER.to_owned()];
+        self.is_log().then(|| typed(words.into_iter().chain(LogArguments::as_typed()).chain(out)))
     }
 
     /// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.

@@ -169,10 +169,9 @@ impl Parts {
             let path = path.display().to_string();
             shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
         };
-        let (import, folder) = measured.to_folder();
-        let (folder, model) = (quoted(&folder), given.map_or_else(|| "model.toml".to_owned(), quoted));
+        let (folder, model) = (quoted(measured.as_folder()), given.map_or_else(|| "model.toml".to_owned(), quoted));
         let mut commands = vec![this_command()];
-        commands.extend(import);
+        commands.extend(measured.import_command());
         if given.is_none() {
             commands.push(format!("rotorlead identify {folder} --out {model}"));
         }

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use rotorlead_answer::Figure;
 
-use super::{FigureError, svg};
+use super::FigureError;
+use super::svg::drawing;
 
 /// How far a curve may be from its points, units of the drawing: a quarter of a pixel.
 const TOLERANCE: f64 = 2.0;
@@ -14,7 +15,7 @@ const TOLERANCE: f64 = 2.0;
 /// # Errors
 /// When nothing can be drawn.
 pub(crate) fn still(figure: &Figure) -> Result<String, FigureError> {
-    Ok(shortened(&svg(figure)?))
+    Ok(shortened(&drawing(figure)?))
 }
 
 fn shortened(svg: &str) -> String {
@@ -117,7 +118,7 @@ mod tests {
         let series = [series.to_vec(), vec![dots]].concat();
         let panel = Panel::new(Axis::linear("x", "s"), Axis::linear("y", "m"), series);
         let figure = Figure::new(FigureKind::Record, "Words", "", vec![panel]);
-        let (svg, still) = (svg(&figure).unwrap(), still(&figure).unwrap());
+        let (svg, still) = (drawing(&figure).unwrap(), still(&figure).unwrap());
         assert!(still.len() * 5 < svg.len(), "{} of {}", still.len(), svg.len());
         // Had the drawing library another form of its own, it would still be there.
         for element in ["<circle", "<line", "<polyline", "<polygon"] {

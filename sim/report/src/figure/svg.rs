@@ -7,11 +7,19 @@ use rotorlead_answer::escape::printable;
 use super::FigureError;
 use super::drawing::{PX, draw, size};
 
+/// On a dark page, as an image, it is dark too: lightness turned over, and hues as they were.
+const DARK: &str = "@media (prefers-color-scheme: dark) { svg { filter: invert(0.9) hue-rotate(180deg); } }";
+
 /// The picture as SVG text, 900 pixels wide.
 ///
 /// # Errors
 /// When nothing can be drawn.
 pub fn svg(figure: &Figure) -> Result<String, FigureError> {
+    Ok(drawing(figure)?.replacen(">\n", &format!(">\n<style>{DARK}</style>\n"), 1))
+}
+
+/// The same for a page with colors of its own.
+pub(super) fn drawing(figure: &Figure) -> Result<String, FigureError> {
     let (width, height) = size(figure);
     let mut svg = String::new();
     draw(figure, SVGBackend::with_string(&mut svg, (width, height)))?;
@@ -46,6 +54,7 @@ mod tests {
         {
             assert!(svg.contains(text), "{text}");
         }
+        assert!(svg.contains("\n<style>@media (prefers-color-scheme: dark)"), "{}", &svg[..400]);
         assert!(svg.matches("<circle").count() >= 100, "one dot for each point");
     }
 
