@@ -20,7 +20,7 @@ pub struct Answer {
     pub name: &'static str,
     /// Its heading there.
     pub title: &'static str,
-    /// How its numbers are to be read, in a report.
+    /// What the numbers say, in sentences.
     pub text: Vec<String>,
     /// What came out.
     pub verdict: Verdict,
@@ -56,7 +56,11 @@ impl Answer {
             findings.iter().map(|finding| paragraph(&format!("warning: {}", finding.sentence()), "  ")).collect()
         };
         let (first, folded) = self.findings.split_at(self.findings.len().min(MOST_FINDINGS));
-        let shown = tables(Weight::Shown).into_iter().chain((!first.is_empty()).then(|| findings(first)));
+        let said = || self.text.iter().map(|sentence| paragraph(sentence, "  ")).collect();
+        let shown = tables(Weight::Shown)
+            .into_iter()
+            .chain((!self.text.is_empty()).then(said))
+            .chain((!first.is_empty()).then(|| findings(first)));
         let mut shown = shown.collect::<Vec<_>>().join("\n");
         if !folded.is_empty() {
             shown += &format!("{} further warnings, of less weight: --verbose prints them\n", folded.len());

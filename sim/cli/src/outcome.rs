@@ -9,7 +9,6 @@ use clap::Args;
 use miette::Diagnostic;
 use rotorlead_answer::words::paragraph;
 use rotorlead_answer::{Answer, Text};
-use rotorlead_plant::Judgement;
 use rotorlead_records::files::{
     FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
 };
@@ -196,12 +195,6 @@ impl JsonOption {
 /// A warning as it is printed.
 pub fn warning_lines(warning: &str) -> String {
     paragraph(&format!("warning: {warning}"), "  ")
-}
-
-/// Whether a compensator may be built on a model, as it is printed.
-pub fn judgement_lines(judgement: &Judgement) -> String {
-    let reasons = judgement.limits.iter().map(|reason| paragraph(&format!("- {reason}"), "  "));
-    format!("Judged: {}\n{}", judgement.state, reasons.collect::<String>())
 }
 
 /// What a remark begins with, and its color on a terminal.

@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Fact, Report, Tone, Verdict};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
-use rotorlead_plant::{CompensatorDesign, Judgement, Model};
+use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
-use rotorlead_results::{experiment_facts, tone};
+use rotorlead_results::experiment_facts;
 
 use super::report_option::this_command;
 
@@ -74,12 +73,6 @@ pub fn lags(model: &Model) -> String {
         1.0 / high,
         1.0 / low
     )
-}
-
-/// Whether a compensator may be built on a model, with the reasons.
-pub fn judged(judgement: &Judgement) -> Verdict {
-    let reasons = judgement.limits.iter().map(|reason| sentence(reason));
-    Verdict::new(tone(judgement.state), format!("Judged: {}.", judgement.state)).with(reasons.collect())
 }
 
 /// The same verdict where there may be warnings below.

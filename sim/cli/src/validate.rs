@@ -6,13 +6,11 @@ use clap::Args;
 use miette::WrapErr as _;
 use rotorlead_answer::Report;
 use rotorlead_assess::{Assessment, NotCompared, assess};
-use rotorlead_identify::RecordValidation;
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
-use rotorlead_results::{JudgementValues, validation_by_nominal, validation_scores, validation_section, verdict};
-use serde::Serialize;
+use rotorlead_results::validation_answer;
 
-use super::outcome::{JsonOption, Outcome, judgement_lines};
+use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 
@@ -49,35 +47,16 @@ impl Validate {
                 })?;
                 Ok((experiment, records, judgement, recommendation))
             })?;
+        let answer = validation_answer(&records, &judgement, recommendation.as_ref(), experiment.output);
         let written = self.report.write(|| Report {
             facts: [
                 report_pages::records(&experiment, &self.experiment),
                 vec![report_pages::file("Model", &self.model)],
             ]
             .concat(),
-            sections: vec![validation_section(&records, experiment.output)],
-            ..report_pages::report(
-                "Validation",
-                format!("Validation on {}", experiment.name),
-                report_pages::judged(&judgement),
-            )
+            sections: vec![answer.section()],
+            ..report_pages::report("Validation", format!("Validation on {}", experiment.name), answer.verdict.clone())
         })?;
-        let scores = validation_scores(&records);
-        let by_nominal = validation_by_nominal(&records).map(|table| table.text());
-        // Where no command has both kinds of records, each record is the summary.
-        let (first, detail) = match by_nominal {
-            Some(by_nominal) => (by_nominal, scores.text()),
-            None => (scores.text(), String::new()),
-        };
-        let text = format!("{first}\n{}{}{written}", verdict(&records), judgement_lines(&judgement));
-        let judgement = JudgementValues::new(&judgement, recommendation.as_ref());
-        Ok(Outcome::new(text, &Values { judgement, records: &records }).with_detail(detail))
+        Ok(Outcome::of(&answer, &written))
     }
-}
-
-/// How well the model explains each record.
-#[derive(Serialize)]
-struct Values<'a> {
-    judgement: JudgementValues<'a>,
-    records: &'a [RecordValidation],
 }

@@ -13,7 +13,6 @@ mod latency;
 mod lost_gain;
 mod number;
 pub mod paper;
-mod points;
 mod predicted_steps;
 mod recommendation;
 mod request;
@@ -34,22 +33,21 @@ pub use figures::compensation::{
     measured as measured_response, simulated as simulated_response, simulation_and_experiment,
 };
 pub use figures::excitation::{crest_factor, excitation};
-pub use identify::{IdentifyResult, tone, transform};
+pub use identify::{IdentifyResult, points_table, transform};
 pub use latency::{latency_json, protocol_name};
 pub use lost_gain::lost_gain;
 pub use number::parameter_with_std;
-pub use points::PointValues;
 pub use predicted_steps::{robustness_table, steps_table};
-pub use recommendation::{JudgementValues, flight_section, recommendation_table, to_fly};
+pub use recommendation::{JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly, tone};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
     FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,
     diagnosis_section, diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section,
     experiment_facts, explanations_table, fastest_point, fleet_section, gap_table, in_short, inverse_equation,
     inverse_table, logs_table, motors_table, parameter_table, predicted_table, ratios_table, redesign_sections,
-    redesign_table, simulation_section, stand_section, stand_table, transfer_function, usual_table, validation_section,
+    redesign_table, simulation_section, stand_section, stand_table, transfer_function, usual_table,
     vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
 };
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};
-pub use validation::{validation_by_nominal, validation_scores, verdict};
+pub use validation::{validation_answer, validation_in_words};

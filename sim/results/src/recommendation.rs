@@ -1,8 +1,10 @@
 //! What to fly on a motor, for people and for programs.
 
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Section, Series, Table};
-use rotorlead_plant::Judgement;
+use rotorlead_answer::{
+    Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Verdict,
+};
+use rotorlead_plant::{Judgement, Word};
 use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
 use serde::Serialize;
 
@@ -22,6 +24,23 @@ impl<'a> JudgementValues<'a> {
     #[must_use]
     pub fn new(judgement: &'a Judgement, recommend: Option<&'a Recommendation>) -> Self {
         Self { judgement, recommend }
+    }
+}
+
+/// Whether a compensator may be built on a model, with the reasons.
+#[must_use]
+pub fn judged_verdict(judgement: &Judgement) -> Verdict {
+    let reasons = judgement.limits.iter().map(|reason| sentence(reason));
+    Verdict::new(tone(judgement.state), format!("Judged: {}.", judgement.state)).with(reasons.collect())
+}
+
+/// How good the news of a judgement is.
+#[must_use]
+pub fn tone(state: Word) -> Tone {
+    match state {
+        Word::Ready => Tone::Good,
+        Word::ReadyWithinLimits => Tone::Plain,
+        Word::MeasureAgain | Word::NotALag => Tone::Attention,
     }
 }
 

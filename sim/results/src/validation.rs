@@ -3,67 +3,94 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use rotorlead_answer::{Cell, Column, Figure, Table};
+use rotorlead_answer::{Answer, Cell, Column, Figure, Table};
 use rotorlead_assess::{LEVEL, SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
+use rotorlead_plant::Judgement;
 use rotorlead_records::Output;
+use rotorlead_vehicle::Recommendation;
+use serde_json::{Value, json};
 
 use crate::figures::{etfe, time_response};
+use crate::recommendation::{JudgementValues, judged_verdict};
 
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;
 
 /// What the records say of the model, in sentences: which were held out, and whether it leaves more than noise.
 #[must_use]
-pub fn verdict(records: &[RecordValidation]) -> String {
-    let mut text = held_out(records);
+pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
+    let mut said = vec![held_out(records)];
     let Some(wrong) = wrong(records) else {
-        text.push_str("No record shows its noise: whether the model leaves more than that cannot be said.\n");
-        return text;
+        said.push("No record shows its noise: whether the model leaves more than that cannot be said.".to_owned());
+        return said;
     };
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
     let silent = records.len() - judged.len();
     let least = judged.iter().filter_map(|record| record.left_over).map(|left| left.p_value).fold(1.0, f64::min);
     if wrong.is_empty() && least * (judged.len() as f64) < LEVEL {
-        let sentence = format!(
-            "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the\nresponse: about what a good fit \
-             leaves.\n",
+        said.push(format!(
+            "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the response: about what a \
+             good fit leaves.",
             equals(least)
-        );
-        text.push_str(&sentence);
+        ));
     } else if wrong.is_empty() {
         let of = if judged.len() == 1 { "p" } else { "least p" };
-        let sentence = format!(
-            "As good as can be: the model leaves no more than noise on\n{} ({of} = {}).\n",
+        said.push(format!(
+            "As good as can be: the model leaves no more than noise on {} ({of} = {}).",
             counted(judged.len(), judged.len()),
             probability(least)
-        );
-        text.push_str(&sentence);
+        ));
     } else {
-        let sentence = format!(
-            "The model leaves more than noise on {} (level {:.0} % over all):\n",
+        said.push(format!(
+            "The model leaves more than noise on {} (level {:.0} % over all):",
             counted(wrong.len(), judged.len()),
             100.0 * LEVEL
-        );
-        text.push_str(&sentence);
+        ));
         for record in wrong {
             let (Some(left), Some(error)) = (record.left_over, record.model_error_percent()) else { continue };
-            let line = format!(
-                "  {}: {:.2} times the noise power (p {}),\n    the model is off by {error:.1} % of the response\n",
+            said.push(format!(
+                "{}: {:.2} times the noise power (p {}), the model is off by {error:.1} % of the response",
                 record.file,
                 left.power_ratio,
                 equals(left.p_value),
-            );
-            text.push_str(&line);
+            ));
         }
     }
     if silent > 0 {
-        let line = format!("Of {} more nothing can be said: the noise does not show.\n", counted(silent, silent));
-        text.push_str(&line);
+        said.push(format!("Of {} more nothing can be said: the noise does not show.", counted(silent, silent)));
     }
-    text
+    said
+}
+
+/// How well a model explains records, and whether a compensator may be built on it.
+#[must_use]
+pub fn validation_answer(
+    records: &[RecordValidation],
+    judgement: &Judgement,
+    recommendation: Option<&Recommendation>,
+    output: Output,
+) -> Answer {
+    let mut scores = validation_scores(records);
+    let by_nominal = validation_by_nominal(records);
+    // Where no command has both kinds of records, each record is the summary.
+    if by_nominal.is_some() {
+        scores = scores.in_detail();
+    }
+    let values = json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records });
+    let Value::Object(values) = values else { unreachable!("it has keys") };
+    Answer {
+        name: "validation",
+        title: "Validation",
+        text: validation_in_words(records),
+        verdict: judged_verdict(judgement),
+        findings: Vec::new(),
+        tables: std::iter::once(scores).chain(by_nominal).collect(),
+        figures: records.iter().map(|record| figures_of(record, output)).collect(),
+        values,
+    }
 }
 
 /// `1 record`, `all 12 records`, `3 of 12 records`.
@@ -79,13 +106,13 @@ fn held_out(records: &[RecordValidation]) -> String {
     let held_out = records.iter().filter(|record| record.fitted == Some(false)).count();
     let all = records.len();
     if records.iter().any(|record| record.fitted.is_none()) {
-        String::from("The model does not say what it was fitted to.\n")
+        String::from("The model does not say what it was fitted to.")
     } else if held_out == 0 {
-        String::from("No record was held out: the model was fitted to all of them (its [provenance]).\n")
+        String::from("No record was held out: the model was fitted to all of them (its [provenance]).")
     } else if held_out == all {
-        String::from("The model was fitted to none of these records (its [provenance]).\n")
+        String::from("The model was fitted to none of these records (its [provenance]).")
     } else {
-        format!("{held_out} of {all} records were held out; the model names the others in [provenance].\n")
+        format!("{held_out} of {all} records were held out; the model names the others in [provenance].")
     }
 }
 
@@ -106,7 +133,7 @@ fn probability(p_value: f64) -> String {
 
 /// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
 #[must_use]
-pub(super) fn figures_of(record: &RecordValidation, output: Output) -> Figure {
+fn figures_of(record: &RecordValidation, output: Output) -> Figure {
     let ceiling = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(", ceiling {ceiling:.2} %"));
     let title = format!("{}: fit {:.2} %{ceiling}", record.file, record.fit_percent);
     match &record.comparison {

@@ -25,7 +25,7 @@ use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
     Curve, IdentifyResult, bandwidth_section, bode, design_section, excitation_section, flight_section,
-    measured_response, simulation_and_experiment, validation_section,
+    measured_response, simulation_and_experiment, validation_answer,
 };
 use serde::Serialize;
 
@@ -196,7 +196,7 @@ impl Demo {
             let parts = [
                 identified.answer(&stand).section(),
                 excitation_section(&stand),
-                validation_section(&validated, stand.output),
+                validation_answer(&validated, &identified.assessment.judgement, None, stand.output).section(),
                 design_section(&compensator, model),
                 bandwidth,
                 result.beside_the_paper(),

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use rotorlead_results::paper::CONTRADICTIONS;
-use rotorlead_results::verdict;
+use rotorlead_results::validation_in_words;
 
 use super::Demonstrated;
 use crate::design::describe;
-use rotorlead_answer::words::wrapped;
+use rotorlead_answer::words::{paragraph, wrapped};
 
 impl Demonstrated<'_> {
     /// For people.
@@ -17,8 +17,9 @@ impl Demonstrated<'_> {
         let mut out = String::new();
         let [lags, fits, simulated, measured] = self.tables();
         writeln!(out, "{}\n{}", lags.text(), fits.text())?;
-        write!(out, "{}", verdict(validated))?;
-        writeln!(out, "A real actuator is more than one lag; these are not.\nThe paper prints no ceiling.")?;
+        let further = ["A real actuator is more than one lag; these are not.", "The paper prints no ceiling."];
+        let said = validation_in_words(validated).into_iter().chain(further.map(str::to_owned));
+        out.extend(said.map(|sentence| paragraph(&sentence, "  ")));
 
         writeln!(out, "\nCompensator\n\n{}", describe(design, model))?;
 

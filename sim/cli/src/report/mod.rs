@@ -75,7 +75,7 @@ impl ReportCommand {
         }
         text.push_str(&figures);
         writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
-        let mut outcome = Outcome::new(text, &parts.json(&report));
+        let mut outcome = Outcome::new(text, &parts.json(&report, &experiment));
         if let Some(logs) = logs {
             outcome.json["logs"] = json!(logs);
         }

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Report, Section, Tone, Verdict};
+use rotorlead_answer::{Report, Section, Table, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{DesignOptions, InverseOptions};
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
-    JudgementValues, PointValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, flight_section, lost_gain, measured_response, parameter_with_std, simulation_and_experiment,
-    to_fly, validation_section,
+    JudgementValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section,
+    flight_section, judged_verdict, lost_gain, measured_response, parameter_with_std, points_table,
+    simulation_and_experiment, to_fly, validation_answer,
 };
 use serde_json::{Value, json};
 
@@ -48,7 +48,10 @@ impl Parts {
         };
         sections.splice(0..0, self.recommendation.iter().map(flight_section));
         sections.push(match &self.validated {
-            Ok(records) => validation_section(records, experiment.output),
+            Ok(records) => {
+                let recommendation = self.recommendation.as_ref();
+                validation_answer(records, &self.judgement, recommendation, experiment.output).section()
+            }
             Err(reason) => left_out("validation", "Validation", reason),
         });
         match &self.diagnosed {
@@ -107,7 +110,7 @@ impl Parts {
                     let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
                     verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
                 }
-                verdicts.push(report_pages::judged(&self.judgement));
+                verdicts.push(judged_verdict(&self.judgement));
                 verdicts.extend(self.recommendation.iter().map(|found| {
                     Verdict::new(Tone::Plain, "What to fly:")
                         .with(to_fly(found).iter().map(|words| sentence(words)).collect())
@@ -144,13 +147,20 @@ impl Parts {
         Verdict { tone, headline, sentences }
     }
 
+    /// The points of the model that is judged.
+    fn points(&self, experiment: &Experiment) -> Table {
+        let own = self.identified.as_ref().ok().filter(|_| !self.is_given);
+        let fitted = own.and_then(|found| found.identification.lags.in_frequency());
+        points_table(&self.model.points, experiment.output, fitted)
+    }
+
     /// The same for programs.
-    pub fn json(&self, report: &Report) -> Value {
+    pub fn json(&self, report: &Report, experiment: &Experiment) -> Value {
         json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
             "judgement": JudgementValues::new(&self.judgement, self.recommendation.as_ref()),
-            "points": self.model.points.iter().cloned().map(PointValues).collect::<Vec<_>>(),
+            "points": self.points(experiment).json(),
             "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,
             "left_out": {

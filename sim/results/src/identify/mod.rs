@@ -1,5 +1,6 @@
 //! What identification finds.
 
+mod chirp;
 mod headline;
 mod intervals;
 mod laws;
@@ -7,9 +8,11 @@ mod map;
 mod other_output;
 mod tables;
 
+pub use tables::points_table;
+
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Answer, Figure, Table, Tone, Verdict, Weight};
+use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
 use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{LawComparison, compare_laws};
@@ -17,11 +20,11 @@ use rotorlead_identify::{
     Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError, PeriodicIdentification, PeriodicOptions,
     Spectrum, identify, step_record,
 };
-use rotorlead_plant::Word;
 use rotorlead_records::{Experiment, Finding, LongRecord, Output, Record};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use self::chirp::ChirpValues;
 use self::headline::headline;
 use self::intervals::intervals;
 use self::other_output::OtherOutput;
@@ -29,8 +32,7 @@ use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
 use super::figures::steps::{steps, time_constant_curve};
-use super::points::ChirpValues;
-use super::recommendation::{JudgementValues, recommendation_table, to_fly};
+use super::recommendation::{JudgementValues, recommendation_table, to_fly, tone};
 
 /// An identification, and what follows from it and its records.
 pub struct IdentifyResult {
@@ -108,11 +110,7 @@ impl IdentifyResult {
         Answer {
             name: "identification",
             title: "Identified lags",
-            text: vec![
-                "At each nominal command the actuator is a first-order lag, response = gain / (tau s + 1), with a dead time where \
-                 the records show one. ± is one standard error, of the noise alone."
-                    .to_owned(),
-            ],
+            text: Vec::new(),
             verdict: self.verdict(output),
             findings: self.findings.clone(),
             tables: [tables::lags(identified, experiment), detail].concat(),
@@ -153,16 +151,6 @@ impl IdentifyResult {
         });
         let Value::Object(values) = values else { unreachable!("it has keys") };
         values
-    }
-}
-
-/// How good the news of a judgement is.
-#[must_use]
-pub fn tone(state: Word) -> Tone {
-    match state {
-        Word::Ready => Tone::Good,
-        Word::ReadyWithinLimits => Tone::Plain,
-        Word::MeasureAgain | Word::NotALag => Tone::Attention,
     }
 }
 

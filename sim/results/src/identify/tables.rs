@@ -14,7 +14,8 @@ use rotorlead_records::{Excitation, Experiment, Output, Role};
 use crate::unit::unit;
 
 /// Below the lags.
-const STANDARD_ERRORS: &str = "tau is the time constant; +- is one standard error, of the noise alone.";
+const STANDARD_ERRORS: &str =
+    "A lag is gain / (tau s + 1), with the dead time where there is one; +- is one standard error, of the noise alone.";
 const DUTY: Unit = Unit::plain("duty");
 const SECONDS: Unit = Unit::plain("s");
 const PERCENT: Unit = Unit::plain("%");
@@ -22,7 +23,7 @@ const NONE: Unit = Unit::plain("");
 
 /// The lags: of each nominal command, or of each level of steps, whose points are for programs.
 pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<Table> {
-    let points = points(identified, experiment.output);
+    let points = points_table(&identified.model.points, experiment.output, identified.lags.in_frequency());
     match &identified.lags {
         Lags::Steps(fit) => vec![Table { weight: Weight::Programs, ..points }, levels(fit)],
         Lags::Multisines(found) => {
@@ -35,9 +36,10 @@ pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<
     }
 }
 
-/// The points of the model.
-fn points(identified: &Identification, output: Output) -> Table {
-    let points: Vec<(usize, &Point)> = identified.model.points.iter().enumerate().collect();
+/// The points of a model, with how well the lags of `fitted` explain their lines.
+#[must_use]
+pub fn points_table(points: &[Point], output: Output, fitted: Option<&PeriodicIdentification>) -> Table {
+    let points: Vec<(usize, &Point)> = points.iter().enumerate().collect();
     type Row<'a> = (usize, &'a Point);
     let mut columns = vec![
         Typed::new("nominal", "u_nom", DUTY, 3, |(_, point): &Row| point.nominal),
@@ -64,7 +66,7 @@ fn points(identified: &Identification, output: Output) -> Table {
         Typed::new("fit_square_percent", "fit on squares", PERCENT, 2, |(_, point): &Row| point.fit_square_percent),
         Typed::new("fit_step_percent", "fit on steps", PERCENT, 2, |(_, point): &Row| point.fit_step_percent),
     ];
-    if let Some(found) = identified.lags.in_frequency() {
+    if let Some(found) = fitted {
         columns.push(Typed::new("reduced_chi_square", "chi2 per dof", NONE, 2, |(index, _): &Row| {
             found.nominals.get(*index).and_then(|one| power_over_noise(one.fit.reduced_chi_square))
         }));

@@ -8,7 +8,6 @@ mod experiment;
 mod fleet;
 mod redesign;
 mod stand;
-mod validation;
 mod vehicle;
 
 pub use bandwidth::bandwidth_section;
@@ -22,7 +21,6 @@ pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use fleet::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
-pub use validation::validation_section;
 pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};
 
 use rotorlead_answer::Cell;

@@ -1,31 +1,9 @@
-//! The lag at a nominal command, and the frequency response of a chirp.
+//! The frequency response of a chirp.
 
 use std::f64::consts::TAU;
 
 use rotorlead_identify::{ChirpResponse, ResponseLine};
-use rotorlead_plant::Point;
 use serde::Serialize;
-
-/// One point with every key of the contract: what is not known is null, not absent as in a model's file.
-#[derive(Serialize)]
-pub struct PointValues(#[serde(with = "EveryKey")] pub Point);
-
-#[derive(Serialize)]
-#[serde(remote = "Point")]
-struct EveryKey {
-    nominal: f64,
-    gain: f64,
-    gain_std: Option<f64>,
-    time_constant_s: f64,
-    time_constant_s_std: Option<f64>,
-    delay_s: f64,
-    delay_s_std: Option<f64>,
-    time_constant_up_s: Option<f64>,
-    time_constant_down_s: Option<f64>,
-    fit_frequency_percent: Option<f64>,
-    fit_square_percent: Option<f64>,
-    fit_step_percent: Option<f64>,
-}
 
 /// The frequency response of a chirp, for programs.
 #[derive(Serialize)]
