@@ -63,7 +63,8 @@ impl Answer {
             .chain((!first.is_empty()).then(|| findings(first)));
         let mut shown = shown.collect::<Vec<_>>().join("\n");
         if !folded.is_empty() {
-            shown += &format!("{} further warnings, of less weight: --verbose prints them\n", folded.len());
+            let warnings = if folded.len() == 1 { "warning" } else { "warnings" };
+            shown += &format!("{} further {warnings} of less weight: --verbose prints what they say\n", folded.len());
         }
         let detail = tables(Weight::Detail).into_iter().chain((!folded.is_empty()).then(|| findings(folded)));
         let mut detail = detail.collect::<Vec<_>>().join("\n");

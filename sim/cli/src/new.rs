@@ -23,8 +23,8 @@ const REHEARSAL: [&str; 6] = [
     "rotorlead check rehearsal",
     "rotorlead identify rehearsal --out rehearsed.toml",
     "rotorlead validate rehearsal --model rehearsed.toml",
-    "rotorlead design --model rehearsed.toml --out rehearsed-lead.toml",
-    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-lead.toml",
+    "rotorlead design --model rehearsed.toml --out rehearsed-compensator.toml",
+    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-compensator.toml",
 ];
 
 /// Makes the excitation of another level.

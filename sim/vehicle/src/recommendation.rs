@@ -29,6 +29,8 @@ const GAIN_N: f64 = 12.0;
 const OF_HOVER: (f64, f64) = (0.8, 1.3);
 /// From a gyro's sample to the ESC's new command, seconds.
 const LATENCY_S: f64 = 0.002;
+/// Commands that an ESC takes.
+const COMMANDS: (f64, f64) = (0.0, 1.0);
 /// The step of the command whose rise is compared: of the size that a controller asks for all the time.
 const STEP: f64 = 0.05;
 /// From which part of the step to which the rise is counted.
@@ -107,7 +109,7 @@ pub struct Candidate {
     pub bandwidth_rad_s: Option<f64>,
     /// Where the whole chain lags 90 degrees, the lowest of the operating points.
     pub minus_90_rad_s: Option<f64>,
-    /// Rise of a step of 5 % of the command at hover, the slower of up and down, seconds; `None` where it does not get there.
+    /// Rise of a step of 5 % of the command, the slowest of up and down over the range, seconds; `None` where it does not get there.
     pub rise_s: Option<f64>,
     /// Whether such a step meets a limit of the command.
     pub is_limited: bool,
@@ -222,23 +224,27 @@ impl Case<'_> {
             .as_ref()
             .map_or(1.0, |design| design.command_noise_gain().into_iter().map(|at| at.gain).fold(0.0, f64::max));
         let step_peak = design.as_ref().map_or(1.0, CompensatorDesign::step_peak);
-        let range = (self.airframe.actuators.min, self.airframe.actuators.max);
-        let actuator = match design {
+        let within = |range: (f64, f64)| match &design {
             None => Actuator::bare(range),
-            Some(design) => Actuator::compensated(kind, design, range),
+            Some(design) => Actuator::compensated(kind, design.clone(), range),
         };
-        let [up, down] = [STEP, -STEP].map(|step| self.step(&actuator, step));
+        let actuator = within((self.airframe.actuators.min, self.airframe.actuators.max));
+        // As it is designed: a force may take the whole range of the command.
+        let unbounded = within(COMMANDS);
+        let steps = self.nominals().map(|nominal| [STEP, -STEP].map(|step| self.step(&unbounded, nominal, step)));
+        let slower = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
+        let all = || steps.iter().flatten();
         Candidate {
             actuator: kind,
             bandwidth_rad_s,
             minus_90_rad_s,
-            rise_s: up.rise_s.zip(down.rise_s).map(|(up, down)| up.max(down)),
-            is_limited: up.is_limited || down.is_limited,
+            rise_s: all().map(|step| step.rise_s).reduce(slower).flatten(),
+            is_limited: all().any(|step| step.is_limited),
             rate_loop: self.rate_loop(&actuator),
             noise_gain,
             step_peak,
             response: self.response(&actuator),
-            step: up.drawn,
+            step: steps[1][0].drawn.clone(),
         }
     }
 
@@ -274,26 +280,31 @@ impl Case<'_> {
         lowest.fold((None, None), |least_of, here| (least(least_of.0, here.0), least(least_of.1, here.1)))
     }
 
-    /// A step of the command at hover.
-    fn step(&self, actuator: &Actuator, step: f64) -> Step {
-        let hover = self.airframe.hover.command;
-        let (low, high) = (self.airframe.actuators.min, self.airframe.actuators.max);
-        let ticks = (STEP_TIME_CONSTANTS / self.rotor.pole_rad_s(hover) * TICK_HZ).ceil() as usize;
-        let mut running = actuator.started(hover);
-        let mut v = hover;
+    /// The lowest command of the range, that of hover, and the highest.
+    fn nominals(&self) -> [f64; 3] {
+        let [low, high] = self.airframe.hover.range;
+        [low, self.airframe.hover.command, high]
+    }
+
+    /// A step of the command from `nominal`.
+    fn step(&self, actuator: &Actuator, nominal: f64, step: f64) -> Step {
+        let (low, high) = COMMANDS;
+        let ticks = (STEP_TIME_CONSTANTS / self.rotor.pole_rad_s(nominal) * TICK_HZ).ceil() as usize;
+        let mut running = actuator.started(nominal);
+        let mut v = nominal;
         let mut is_limited = false;
         let mut reached = [None; 2];
         let mut drawn = vec![(0.0, 0.0)];
         for tick in 0..ticks {
-            let command = running.update(hover + step, v);
+            let command = running.update(nominal + step, v);
             is_limited |= command <= low || command >= high;
             v = self.rotor.advanced(v, command, 1.0 / TICK_HZ);
             if tick % DRAWN_EVERY == 0 {
-                let late_s = self.rotor.delay_s(hover);
-                drawn.push(((tick + 1) as f64 / TICK_HZ + late_s, (v - hover) / step));
+                let late_s = self.rotor.delay_s(nominal);
+                drawn.push(((tick + 1) as f64 / TICK_HZ + late_s, (v - nominal) / step));
             }
             for (when, part) in reached.iter_mut().zip(RISE) {
-                if (v - hover) / step >= part {
+                if (v - nominal) / step >= part {
                     when.get_or_insert(tick);
                 }
             }
@@ -305,8 +316,7 @@ impl Case<'_> {
     /// The rate loop, with one gain set for the range of hover commands.
     fn rate_loop(&self, actuator: &Actuator) -> Row {
         let (airframe, rotor) = (&self.airframe, &self.rotor);
-        let [low, high] = airframe.hover.range;
-        let nominals = [low, airframe.hover.command, high];
+        let nominals = self.nominals();
         let points = nominals.map(|nominal| PointResponse::new(airframe, rotor, actuator, nominal, LATENCY_S));
         let gains = tuned(&points, airframe.controller.integral_time_s, true, &TuningRule::default());
         let of = |gains| {
@@ -392,13 +402,13 @@ mod tests {
     fn the_papers_motor_flies_with_an_inverse() {
         let found = recommend(&table_1(), None).unwrap();
         assert_eq!(found.candidates.len() + found.refused.len(), 5);
-        // The fastest one takes the command to its limit at a step of 5 %.
-        assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 150.0 });
-        assert!(found.candidates[4].is_limited && !found.candidates[3].is_limited);
+        // The faster ones take the command to its limit at a step of 5 %.
+        assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 94.0 });
+        assert!(found.candidates[3].is_limited && !found.candidates[2].is_limited);
         assert_eq!(found.rate_loop.actuator, ActuatorKind::Inverse { omega_f_rad_s: 200.0 });
         let bare = &found.candidates[0];
-        let hover = 0.5 * (0.4 + 0.65);
-        let tau_s = 1.0 / Rotor::new(&table_1()).unwrap().pole_rad_s(hover);
+        let slowest = 0.8 * 0.5 * (0.4 + 0.65);
+        let tau_s = 1.0 / Rotor::new(&table_1()).unwrap().pole_rad_s(slowest);
         assert!((bare.rise_s.unwrap() / (tau_s * 9.0_f64.ln()) - 1.0).abs() < 0.15, "{:?}", bare.rise_s);
     }
 
