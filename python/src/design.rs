@@ -7,11 +7,11 @@ use miette::WrapErr as _;
 use numpy::{Complex64, IntoPyArray as _, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{DesignOptions, InverseOptions, Latency, Setting};
+use rotorlead_identify::design::{Latency, Setting};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign};
 use rotorlead_records::files::{Fault, Place, check_writable};
-use rotorlead_results::{DesignResult, Designed};
+use rotorlead_results::{Chosen, DesignRequest, DesignResult, Kind};
+use rotorlead_vehicle::Purpose;
 
 use crate::argument::{Given, one_of, read};
 use crate::error::refused;
@@ -24,14 +24,15 @@ const LOWEST_RAD_S: f64 = 0.1;
 
 /// Designs one compensator for all points of a model.
 ///
-/// `model` is a path, or a dict as `identify` gives it in `model`. `kind` is `lead` or `inverse`; `omega_g_rad_s` and
+/// `model` is a path, or a dict as `identify` gives it in `model`. `kind` is `lead` or `inverse`, and unless given what is
+/// recommended for the `purpose`, `force` or `rate_loop`; `omega_g_rad_s` and
 /// `prewarp_rad_s` are of a lead, `natural_rad_s`, `setting` (`exact` or `robust`), `output_range` and `compensate_range` of an
 /// inverse. They are the options of `rotorlead design`, and have its defaults. `out` is where the
 /// compensator goes. The result has the keys of `rotorlead design --json`; `compensator`, which is what `out` would hold; and
 /// `frequency_response`, that of the compensator at each point of the model.
 #[pyfunction]
 #[pyo3(signature = (
-    model, *, kind = "lead", omega_g_rad_s = None, damping = None, loop_rate_hz = None, prewarp_rad_s = None,
+    model, *, kind = None, purpose = "force", omega_g_rad_s = None, damping = None, loop_rate_hz = None, prewarp_rad_s = None,
     natural_rad_s = None, setting = None, slew_per_s = None, output_range = None, compensate_range = None, out = None
 ))]
 // They are options by name, as those of the command are.
@@ -39,7 +40,8 @@ const LOWEST_RAD_S: f64 = 0.1;
 pub fn design<'py>(
     py: Python<'py>,
     model: Given<'py>,
-    kind: &str,
+    kind: Option<&str>,
+    purpose: &str,
     omega_g_rad_s: Option<f64>,
     damping: Option<f64>,
     loop_rate_hz: Option<f64>,
@@ -65,53 +67,36 @@ pub fn design<'py>(
     for (name, range) in [("output_range", output_range), ("compensate_range", compensate_range)] {
         range.map_or(Ok(()), |range| commands(name, range)).map_err(|fault| refused(&fault))?;
     }
-    let of_lead = [("omega_g_rad_s", omega_g_rad_s.is_some()), ("prewarp_rad_s", prewarp_rad_s.is_some())];
-    let of_inverse = [
-        ("natural_rad_s", natural_rad_s.is_some()),
-        ("setting", setting.is_some()),
-        ("output_range", output_range.is_some()),
-        ("compensate_range", compensate_range.is_some()),
-    ];
-    let is_lead = one_of("kind", kind, &[("lead", true), ("inverse", false)])?;
-    let of_other = if is_lead { &of_inverse[..] } else { &of_lead[..] };
-    if let Some((name, _)) = of_other.iter().find(|(_, is_given)| *is_given) {
+    let request = DesignRequest {
+        kind: kind.map(|kind| one_of("kind", kind, &[("lead", Kind::Lead), ("inverse", Kind::Inverse)])).transpose()?,
+        omega_g_rad_s,
+        prewarp_rad_s,
+        natural_rad_s,
+        setting: setting
+            .map(|setting| one_of("setting", setting, &[("exact", Setting::Exact), ("robust", Setting::Robust)]))
+            .transpose()?,
+        output_range,
+        compensate_range,
+        damping,
+        loop_rate_hz,
+        slew_per_s,
+    };
+    let purpose = one_of("purpose", purpose, &[("force", Purpose::Force), ("rate_loop", Purpose::RateLoop)])?;
+    if let Some(name) = request.foreign() {
         let fault =
             Place::root().key(name).fault("no option of this kind of compensator", "leave it out, or change kind");
         return Err(refused(&fault));
     }
-    let setting = setting
-        .map(|setting| one_of("setting", setting, &[("exact", Setting::Exact), ("robust", Setting::Robust)]))
-        .transpose()?;
-    let options = if is_lead {
-        let default = DesignOptions::default();
-        KindOptions::Lead(DesignOptions {
-            omega_g_rad_s: omega_g_rad_s.unwrap_or(default.omega_g_rad_s),
-            damping: damping.unwrap_or(default.damping),
-            loop_rate_hz: loop_rate_hz.unwrap_or(default.loop_rate_hz),
-            prewarp_rad_s,
-            slew_per_s,
-        })
-    } else {
-        let default = InverseOptions::default();
-        KindOptions::Inverse(InverseOptions {
-            setting,
-            omega_f_rad_s: natural_rad_s,
-            damping: damping.unwrap_or(default.damping),
-            loop_rate_hz: loop_rate_hz.unwrap_or(default.loop_rate_hz),
-            range: output_range.unwrap_or(default.range),
-            slew_per_s,
-            compensated: compensate_range,
-        })
-    };
     let (model, name) = model.model()?;
     out.as_deref().map_or(Ok(()), |out| read(check_writable(out)))?;
     let found = interrupt::run(py, move || {
         let effects = ActiveEffect::of_model(&model)?;
-        let designed = Designed::of(&model, &options)
+        let Chosen { designed, recommendation } = request
+            .design(&model, purpose)
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("`{}` gives no compensator", name.display()))?;
         let latency = Latency::standard(designed.compensator().loop_rate_hz());
-        let found = DesignResult::of(&model, &effects, designed, latency);
+        let found = DesignResult { recommendation, ..DesignResult::of(&model, &effects, designed, latency) };
         out.map_or(Ok(()), |out| found.compensator.write(&out))?;
         Ok(found)
     })?;

@@ -122,7 +122,7 @@ class Errors(Stand):
         self.assert_refused(["`damping`: -1", "above 0"], rotorlead.design, "model.toml", damping=-1)
         self.assert_refused(["`slew_per_s`: inf"], rotorlead.design, "model.toml", kind="inverse", slew_per_s=float("inf"))
         self.assert_refused(["`output_range`: (1, 0.5)"], rotorlead.design, "model.toml", kind="inverse", output_range=(1, 0.5))
-        self.assert_refused(["`natural_rad_s`: no option", "change kind"], rotorlead.design, "model.toml", natural_rad_s=80)
+        self.assert_refused(["`natural_rad_s`: no option", "change kind"], rotorlead.design, "model.toml", kind="lead", natural_rad_s=80)
         self.assert_refused(["`prewarp_rad_s`: no option"], rotorlead.design, "model.toml", kind="inverse", prewarp_rad_s=80)
         for seed in (-1, 2**63):
             self.assert_refused([f"`seed`: {seed} is not in 0 to 2^63 - 1"], rotorlead.simulate, "model.toml", seed=seed)

@@ -181,8 +181,13 @@ class Design(Stand):
         self.assert_same_file("b.toml", "a.toml")
         return found
 
-    def test_a_lead(self):
+    def test_what_is_recommended(self):
         found = self.check([])
+        self.assertEqual(found["recommend"]["force"]["kind"], "inverse")
+        self.check(["--purpose", "force"], purpose="force")
+
+    def test_a_lead(self):
+        found = self.check(["--kind", "lead"], kind="lead")
         self.check(
             ["--omega-g", "400", "--damping", "0.8", "--loop-rate", "4000", "--prewarp", "30"],
             omega_g_rad_s=400, damping=0.8, loop_rate_hz=4000, prewarp_rad_s=30,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use crate::gallery;
-use crate::stand::{Stand, report};
+use crate::stand::{Stand, report, table_1};
 
 const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
 
@@ -293,16 +293,6 @@ fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
         stand.write(file, content);
     }
     stand.run("bandwidth --model model.toml --compensator compensator.toml");
-}
-
-/// The paper's Table 1 as a model file, with `tau = 1 / omega_s`.
-fn table_1() -> String {
-    let mut text = String::from("format = 1\n");
-    for (nominal, gain, pole) in host_tests::TABLE_1 {
-        let tau = 1.0 / pole;
-        text += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau}\n");
-    }
-    text
 }
 
 #[test]

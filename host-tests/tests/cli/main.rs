@@ -35,3 +35,4 @@ mod stand;
 mod terminal;
 mod two_logs;
 mod vehicle;
+mod what_to_fly;

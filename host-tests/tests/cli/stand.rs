@@ -294,3 +294,13 @@ fn newest(path: &Path) -> SystemTime {
     let entries = fs::read_dir(path).unwrap().map(|entry| newest(&entry.unwrap().path()));
     entries.max().unwrap_or(SystemTime::UNIX_EPOCH)
 }
+
+/// The paper's Table 1 as a model file, with `tau = 1 / omega_s`.
+pub fn table_1() -> String {
+    let mut text = String::from("format = 1\n");
+    for (nominal, gain, pole) in host_tests::TABLE_1 {
+        let tau = 1.0 / pole;
+        text += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau}\n");
+    }
+    text
+}

@@ -37,7 +37,8 @@ def diagnose(
 def design(
     model: _Given,
     *,
-    kind: Literal["lead", "inverse"] = "lead",
+    kind: Literal["lead", "inverse"] | None = None,
+    purpose: Literal["force", "rate_loop"] = "force",
     omega_g_rad_s: Optional[float] = None,
     damping: Optional[float] = None,
     loop_rate_hz: Optional[float] = None,
