@@ -442,7 +442,7 @@ fn a_design_that_the_controller_refuses_names_model_and_option() {
     for (arguments, part) in [
         ("--omega-g 5", "raise --omega-g"),
         ("--omega-g 1e5", "--omega-g"),
-        ("--loop-rate 60", "--loop-rate"),
+        ("--kind lead --loop-rate 60", "--loop-rate"),
         ("--kind inverse --natural 4000", "too close to Nyquist"),
         ("--kind inverse --natural 1", "raise --natural"),
         ("--kind inverse --loop-rate 100000", "--loop-rate"),

@@ -130,7 +130,7 @@ fn a_report_has_the_bandwidths_and_phases_of_its_model() {
     let model = format!("{MODEL}[[effect]]\nkind = \"transport_delay\"\nparameters = {{ delay_s = 0.02 }}\n");
     stand.write("model.toml", model);
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
-    stand.run("report sim --model model.toml --no-diagnosis --out report.html --figures of-report");
+    stand.run("report sim --model model.toml --kind lead --no-diagnosis --out report.html --figures of-report");
     stand.run("bandwidth --model model.toml --figures of-bandwidth");
     let table = stand.read("of-bandwidth/predicted_bandwidth.csv");
     assert!(table.contains("compensated_phase_deg"), "{table}");

@@ -51,11 +51,15 @@ fn a_log_gives_the_model_that_its_folder_gives() {
         let log = log.display();
         let imported = stand.run(&format!("import {log} --out folder"));
         stand.run("identify folder --out of_folder.toml");
-        let text = stand.run(&format!("identify {log} --out of_log.toml"));
+        let text = stand.run(&format!("identify {log} --out of_log.toml --verbose"));
         assert_eq!(stand.read("of_log.toml"), stand.read("of_folder.toml"), "{name}");
         // What import says of the log is said.
-        let said = imported.trim_end().trim_end_matches("Written to folder").trim();
-        assert!(said.contains("rows taken") && text.contains(said), "{name}: no\n{said}\nin\n{text}");
+        let (said, _) = imported.split_once("\nnote: ").unwrap_or((&imported, ""));
+        assert!(said.contains("rows taken") && text.contains(said.trim()), "{name}: no\n{said}\nin\n{text}");
+        // Who does not ask is told the notes.
+        let short = stand.run(&format!("identify {log}"));
+        assert_eq!(short.matches("\nnote: ").count(), imported.matches("\nnote: ").count(), "{short}");
+        assert!(!short.contains("taken as"), "{short}");
         let (of_log, of_folder) = (stand.json(&format!("identify {log}")), stand.json("identify folder"));
         assert_eq!(of_log["points"], of_folder["points"]);
         assert!(of_log["logs"][0]["rows_taken"].as_u64() > Some(1000) && of_folder.get("logs").is_none());

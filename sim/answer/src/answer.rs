@@ -11,7 +11,7 @@ use crate::words::paragraph;
 /// Findings that a terminal shows; what further ones say changes the answer less.
 const MOST_FINDINGS: usize = 4;
 /// Sentences of the verdict that a terminal shows below its headline.
-const MOST_SENTENCES: usize = 3;
+const MOST_SENTENCES: usize = 2;
 
 /// An answer: what came out, what is to be known of it, and the numbers behind it.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,9 +12,8 @@ use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::files::check_writable;
 use rotorlead_results::{
     Chosen, DesignResult, Designed, bandwidth_section, bandwidth_table, curve_table, design_section, design_table,
-    discrete_table, inverse_equation, inverse_table, recommendation_table, setting_name, to_fly, transfer_function,
+    discrete_table, inverse_equation, inverse_table, recommendation_table, setting_name, transfer_function,
 };
-use rotorlead_vehicle::Recommendation;
 
 use super::bandwidth::counted_effects;
 use super::latency::{LatencyArguments, counted_delays};
@@ -78,7 +77,7 @@ impl Design {
             Designed::Inverse(inverse) => described_inverse(&compensator, inverse),
         };
         if let Some(recommendation) = &found.recommendation {
-            write!(text, "\n{}", chosen(recommendation)).expect("a string takes all");
+            write!(text, "\n{}", recommendation_table(recommendation).text()).expect("a string takes all");
         }
         write!(text, "\n{}", bandwidth_table(points, phases).text()).expect("a string takes all");
         text.push_str(&counted_delays(&found.latency, phases));
@@ -103,12 +102,6 @@ impl Design {
         })?);
         Ok(Outcome::new(text, &found.values()).with_detail(detail))
     }
-}
-
-/// What was recommended for each purpose, and what it was chosen from.
-fn chosen(recommendation: &Recommendation) -> String {
-    let table = recommendation_table(recommendation).text();
-    table + &to_fly(recommendation).into_iter().map(|sentence| paragraph(&sentence, "  ")).collect::<String>()
 }
 
 /// The inverse with what its check found, and its curve.

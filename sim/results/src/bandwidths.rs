@@ -115,5 +115,7 @@ pub fn measured_table(measured: &[MeasuredBandwidth]) -> Table {
             Column::new("lower_rad_s", "from", "rad/s"),
             Column::new("upper_rad_s", "to", "rad/s"),
         ],
-        rows: measured.iter().map(row).collect(), ..Table::default() }
+        rows: measured.iter().map(row).collect(),
+        ..Table::default()
+    }
 }

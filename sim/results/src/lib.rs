@@ -38,7 +38,9 @@ pub use latency::{latency_json, protocol_name};
 pub use lost_gain::lost_gain;
 pub use number::parameter_with_std;
 pub use predicted_steps::{robustness_table, steps_table};
-pub use recommendation::{JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly, tone};
+pub use recommendation::{
+    JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly_in_short, tone,
+};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
     FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,

@@ -58,6 +58,19 @@ pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
     [Purpose::Force, Purpose::RateLoop].map(of).into()
 }
 
+/// What to fly, in a line.
+#[must_use]
+pub fn to_fly_in_short(recommendation: &Recommendation) -> String {
+    let of = |purpose: Purpose| {
+        let actuator = match recommendation.of(purpose).actuator {
+            ActuatorKind::None => "nothing".to_owned(),
+            actuator => actuator.name(),
+        };
+        format!("{actuator} for {}", purpose.words())
+    };
+    format!("to fly: {}, {}", of(Purpose::Force), of(Purpose::RateLoop))
+}
+
 /// Everything that was compared, with what it gains and what it costs.
 #[must_use]
 pub fn recommendation_table(found: &Recommendation) -> Table {
@@ -93,7 +106,7 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
     };
     Table {
         name: "recommendation".to_owned(),
-        caption: "What may stand before the ESC, the slowest operating point of each: what it gains over none, and what it costs"
+        caption: "What may stand before the ESC, at the slowest operating point: what it gains, and what it costs"
             .to_owned(),
         columns: vec![
             Column::new("actuator", "actuator", ""),
@@ -106,7 +119,14 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
             Column::new("step_peak", "largest step", ""),
             Column::new("recommended_for", "for", ""),
         ],
-        rows: found.candidates.iter().map(row).collect(), ..Table::default() }
+        rows: found.candidates.iter().map(row).collect(),
+        notes: to_fly(found)
+            .into_iter()
+            .chain(found.refused.iter().map(|one| format!("there is no {}: {}", one.actuator.name(), one.reason)))
+            .map(|words| sentence(&words))
+            .collect(),
+        ..Table::default()
+    }
 }
 
 /// What to fly, with a step and the frequency response of the bare motor, the lead and an inverse.

@@ -11,7 +11,7 @@ use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
     JudgementValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section,
     flight_section, judged_verdict, lost_gain, measured_response, parameter_with_std, points_table,
-    simulation_and_experiment, to_fly, validation_answer,
+    simulation_and_experiment, to_fly_in_short, validation_answer,
 };
 use serde_json::{Value, json};
 
@@ -111,10 +111,11 @@ impl Parts {
                     verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
                 }
                 verdicts.push(judged_verdict(&self.judgement));
-                verdicts.extend(self.recommendation.iter().map(|found| {
-                    Verdict::new(Tone::Plain, "What to fly:")
-                        .with(to_fly(found).iter().map(|words| sentence(words)).collect())
-                }));
+                verdicts.extend(
+                    self.recommendation
+                        .iter()
+                        .map(|found| Verdict::new(Tone::Plain, sentence(&to_fly_in_short(found)))),
+                );
             }
         }
         if self.diagnosed.is_none() {

@@ -32,7 +32,7 @@ use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
 use super::figures::steps::{steps, time_constant_curve};
-use super::recommendation::{JudgementValues, recommendation_table, to_fly, tone};
+use super::recommendation::{JudgementValues, recommendation_table, to_fly_in_short, tone};
 
 /// An identification, and what follows from it and its records.
 pub struct IdentifyResult {
@@ -123,7 +123,7 @@ impl IdentifyResult {
     fn verdict(&self, output: Output) -> Verdict {
         let Assessment { judgement, recommendation, .. } = &self.assessment;
         let (first, others) = judgement.limits.split_at(judgement.limits.len().min(1));
-        let to_fly = recommendation.iter().flat_map(to_fly);
+        let to_fly = recommendation.iter().map(to_fly_in_short);
         let other_output = self.other_output.iter().map(|other| other.sentence(output));
         let sentences = first.iter().cloned().chain(to_fly).chain(others.iter().cloned()).chain(other_output);
         let sentences = sentences.map(|words| sentence(&words)).collect();
