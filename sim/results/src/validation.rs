@@ -180,7 +180,7 @@ pub fn validation_scores(records: &[RecordValidation]) -> Table {
     };
     let columns = [Column::new("u_nom", "u_nom", "duty"), Column::new("excitation", "excitation", "")]
         .into_iter()
-        .chain(any_compensated.then(|| Column::new("compensated", "with C(s)", "")))
+        .chain(any_compensated.then(|| Column::new("compensated", "compensated", "")))
         .chain([
             Column::new("held_out", "held out", ""),
             Column::new("domain", "compared in", "").in_detail(),

@@ -119,7 +119,7 @@ impl InverseDemonstration {
                 Column::new("lower_rad_s", "from", "rad/s"),
                 Column::new("upper_rad_s", "to", "rad/s"),
                 Column::new("uncompensated_rise_ms", "rise without", "ms"),
-                Column::new("lead_rise_ms", "rise with C(s)", "ms"),
+                Column::new("lead_rise_ms", "rise with lead", "ms"),
                 Column::new("inverse_rise_ms", "rise with inverse", "ms"),
             ],
             rows: self.simulated.iter().zip(&self.measured).map(row).collect(),
@@ -148,8 +148,8 @@ fn figure(
         let (Some(start), Some(end)) = (long.first(), long.last()) else { continue };
         let slewing = format!("inverse, slew {DRAWN_SLEW_PER_S}/s");
         for (name, color, design) in [
-            ("without", Color::Gray, None),
-            ("C(s)", Color::Vermilion, Some(lead)),
+            ("none", Color::Gray, None),
+            ("lead", Color::Vermilion, Some(lead)),
             ("inverse", Color::Blue, Some(inverse)),
             (slewing.as_str(), Color::Green, Some(slow)),
         ] {
@@ -168,7 +168,7 @@ fn figure(
     Ok(Figure::new(
         FigureKind::DemonstratedSteps,
         "Thrust after a step of the command, over the step",
-        "A small step, which C(s) answers with a quick part and then the lag, and a large one. The command of the inverse meets its \
+        "A small step, which the lead answers with a quick part and then the lag, and a large one. The command of the inverse meets its \
          limits there, and its state is that of a rotor that gets no more: it does not overshoot, nor wind up. With a slew limit it \
          reckons with that too.",
         panels,

@@ -172,11 +172,16 @@ pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
         "compensator",
         "The compensator",
         vec![
-            row("zero", Cell::number(lead.omega_z_rad_s, 4), "rad/s", &format!("{origin}the fastest pole (2)")),
-            row("poles", Cell::number(lead.omega_f_rad_s, 4), "rad/s", "both (5)"),
-            row("damping", Cell::number(lead.damping, 4), "", "of the poles (4)"),
-            row("omega_g", Cell::number(lead.omega_g_rad_s(), 2), "rad/s", "amplifies up to here (6)"),
-            row("asymptotic peak", Cell::number(lead.asymptotic_peak_db(), 4), "dB", "(5)"),
+            row("zero", Cell::number(lead.omega_z_rad_s, 4), "rad/s", &format!("{origin}the fastest pole")),
+            row("poles", Cell::number(lead.omega_f_rad_s, 4), "rad/s", "both"),
+            row("damping", Cell::number(lead.damping, 4), "", "of the poles"),
+            row("omega_g", Cell::number(lead.omega_g_rad_s(), 2), "rad/s", "amplifies up to here"),
+            row(
+                "asymptotic peak",
+                Cell::number(lead.asymptotic_peak_db(), 4),
+                "dB",
+                "where the zero's slope meets the poles",
+            ),
             row(
                 "gains little below",
                 Cell::number(lead.slowest_helped_rad_s(), 4),
