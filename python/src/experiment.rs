@@ -46,6 +46,14 @@ impl Records {
         }
     }
 
+    /// [`Experiment::checksum`] of the folder.
+    pub fn checksum(&self) -> Option<String> {
+        match self {
+            Self::Folder(folder) => Experiment::checksum(folder),
+            Self::Columns(_) => None,
+        }
+    }
+
     /// All records, but for those whose rows stay on disk.
     pub fn read_leaving_long(self) -> Result<(Experiment, Vec<LongRecord>), FileError> {
         match self {

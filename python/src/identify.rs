@@ -38,6 +38,7 @@ pub fn identify<'py>(
     let records = Records::of(&data, output)?;
     let (answer, model) = interrupt::run(py, move || {
         let nothing = format!("nothing was identified from `{}`", records.name());
+        let checksum = records.checksum();
         let (mut experiment, long) = records.read_leaving_long()?;
         if let Some(output) = output {
             experiment.output = output;
@@ -53,8 +54,10 @@ pub fn identify<'py>(
         }
         let long = transform(&experiment, &long).map_err(miette::Report::from).wrap_err_with(|| nothing.clone())?;
         let options = IdentifyOptions { delay_level, stand: None, long: &long };
-        let found =
+        let mut found =
             IdentifyResult::of(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
+        let provenance = found.identification.model.provenance.iter_mut();
+        provenance.for_each(|from| from.records_crc32.clone_from(&checksum));
         out.map_or(Ok(()), |out| found.identification.model.write(&out))?;
         Ok((found.answer(&experiment).json(), found.identification.model))
     })?;

@@ -102,7 +102,9 @@ impl BandwidthArguments {
         let mut text = words(&found);
         if let Some(out) = out {
             let mut extended = found.model().map_err(miette::Report::from)?;
-            if let Some(Provenance { records, .. }) = &mut extended.provenance {
+            if let Some(Provenance { records, records_crc32, .. }) = &mut extended.provenance {
+                // It is of the others alone.
+                *records_crc32 = None;
                 records.push(table.display().to_string());
             }
             extended.write(out)?;

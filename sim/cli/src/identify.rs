@@ -8,9 +8,9 @@ use rotorlead_answer::Report;
 use rotorlead_identify::stand::StandModel;
 use rotorlead_identify::steps::StepsError;
 use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyOptions};
-use rotorlead_records::Finding;
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::import::MissingOption;
+use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{IdentifyResult, excitation_section, flight_section, transform};
 use serde_json::json;
 
@@ -88,10 +88,12 @@ impl Identify {
             let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
             let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
             // How logs were read and merged may say why nothing comes of them.
-            let found = IdentifyResult::of(&aligned.experiment, &options)
+            let mut found = IdentifyResult::of(&aligned.experiment, &options)
                 .inspect_err(|_| eprint!("{}", printable(&aligned.text)))
                 .map_err(|error| not_identified(error, aligned.logs.is_some()))
                 .wrap_err_with(nothing)?;
+            let provenance = found.identification.model.provenance.iter_mut();
+            provenance.for_each(|from| from.records_crc32 = Experiment::checksum(self.measured.path()));
             Ok((aligned, found))
         })?;
         let Aligned { experiment, text: of_logs, detail, warnings, alignments, logs, .. } = aligned;

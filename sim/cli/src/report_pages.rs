@@ -37,23 +37,8 @@ pub fn version() -> Fact {
 /// Facts about an experiment that was read from `source`, a folder or a log.
 pub fn records(experiment: &Experiment, source: &Path) -> Vec<Fact> {
     let mut facts = experiment_facts(experiment, &source.display().to_string());
-    facts.extend(checksum(experiment, source).map(|sum| Fact::new("CRC-32 of these files", sum)));
+    facts.extend(Experiment::checksum(source).map(|sum| Fact::new("CRC-32 of these files", sum)));
     facts
-}
-
-/// By which two reports can be identified to rest on the same files: of the log, or of the description and then each record. `None`
-/// where they are not all there, as of records that were never written.
-fn checksum(experiment: &Experiment, source: &Path) -> Option<String> {
-    let mut sum = crc32fast::Hasher::new();
-    if source.is_file() {
-        sum.update(&std::fs::read(source).ok()?);
-        return Some(format!("{:08x}", sum.finalize()));
-    }
-    let records = experiment.records.iter().map(|record| record.file.as_str());
-    for file in std::iter::once("experiment.toml").chain(records) {
-        sum.update(&std::fs::read(source.join(file)).ok()?);
-    }
-    (!experiment.records.is_empty()).then(|| format!("{:08x}", sum.finalize()))
 }
 
 /// The lags of a model, in a phrase.

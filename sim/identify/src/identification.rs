@@ -139,7 +139,8 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     match (identification.add_static_map(experiment), &identification.lags) {
         (Err(reason), Lags::None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone(), reason }),
         _ => {
-            let model = &identification.model;
+            let model = &mut identification.model;
+            model.provenance.iter_mut().for_each(|provenance| provenance.experiment = Some(experiment.name.clone()));
             model.check().map_err(|fault| IdentifyError::NoActuator { experiment: experiment.name.clone(), fault })?;
             Ok(identification)
         }
@@ -207,6 +208,8 @@ fn of_steady_points(experiment: &Experiment) -> Identification {
         time_constant_curve: None,
         effects: Vec::new(),
         provenance: Some(Provenance {
+            experiment: None,
+            records_crc32: None,
             records: used.map(|record| record.file.clone()).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             output: experiment.output,
@@ -255,6 +258,8 @@ impl PeriodicIdentification {
             time_constant_curve: None,
             effects: Vec::new(),
             provenance: Some(Provenance {
+                experiment: None,
+                records_crc32: None,
                 records: self.fitted_files().map(str::to_owned).collect(),
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 output: experiment.output,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use miette::Diagnostic;
+use rotorlead_records::files::{checksum, to_toml};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -150,8 +151,14 @@ pub struct Effect {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
+    /// The name of the experiment that they are of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<String>,
     /// The records used.
     pub records: Vec<String>,
+    /// [`Experiment::checksum`](rotorlead_records::Experiment::checksum) of what they were read from; `None` for records in memory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub records_crc32: Option<String>,
     /// The version of this tool.
     pub version: String,
     /// `thrust_n` or `rpm`.
@@ -172,6 +179,14 @@ impl Model {
     #[must_use]
     pub fn judgement(&self) -> Option<&Judgement> {
         self.provenance.as_ref()?.judgement.as_ref()
+    }
+
+    /// By which a compensator names the model that it was designed for: [`checksum`] of all that the file says of the actuator, as
+    /// this program writes it. Comments, the order of the keys and `[provenance]` make no other actuator of it, and a model that was
+    /// never written has one too.
+    #[must_use]
+    pub fn checksum(&self) -> String {
+        checksum(to_toml(&Self { provenance: None, ..self.clone() }).as_bytes())
     }
 }
 

@@ -87,7 +87,9 @@ kind = "backlash"
 parameters = { half_width = 0.01 }
 std = { half_width = 0.001 }
 [provenance]
+experiment = "stand"
 records = ["u050.csv"]
+records_crc32 = "cbf43926"
 version = "0.1.0"
 output = "thrust_n"
 command_rate_hz = 5000
@@ -112,7 +114,27 @@ command_rate_hz = 5000
         assert_eq!(model.points[1].gain_std, Some(0.1));
         assert_eq!(model.static_map.unwrap().response, [0.0, 3.5]);
         assert_eq!(model.effects[0].parameters["half_width"], 0.01);
-        assert_eq!(model.provenance.unwrap().output, Output::ThrustN);
+        let provenance = model.provenance.unwrap();
+        assert_eq!(provenance.output, Output::ThrustN);
+        assert_eq!(provenance.records_crc32.as_deref(), Some("cbf43926"));
+    }
+
+    #[test]
+    fn what_the_file_says_of_the_actuator_makes_another_checksum() {
+        let checksum = |text: &str| read(text).unwrap().checksum();
+        let (actuator, provenance) = MODEL.split_once("[provenance]").unwrap();
+        let same = [
+            actuator.to_owned(),
+            format!("# a motor\n{MODEL}"),
+            format!("{actuator}[provenance]{}", provenance.replace("stand", "other")),
+            MODEL.replace("gain = 7.1\n", "").replace("gain_std = 0.1", "gain_std = 0.1\ngain = 7.10"),
+        ];
+        for same in same {
+            assert_eq!(checksum(&same), checksum(MODEL), "{same}");
+        }
+        for (from, to) in [("0.16", "0.17"), ("[0, 3.5]", "[0, 3.6]"), ("half_width = 0.01 ", "half_width = 0.02 ")] {
+            assert_ne!(checksum(&MODEL.replacen(from, to, 1)), checksum(MODEL), "{to}");
+        }
     }
 
     #[test]
@@ -167,7 +189,7 @@ command_rate_hz = 5000
             ("half_width = 0.01 ", "half_width = nan ", "20:29", "a finite number"),
             ("half_width = 0.001", "half_width = -1", "21:22", "0 or more"),
             ("half_width = 0.001", "breadth = 1", "21:19", "correct the name"),
-            ("hz = 5000", "hz = 0", "26:19", "above 0"),
+            ("hz = 5000", "hz = 0", "28:19", "above 0"),
         ] {
             refuses(from, to, &[&format!("model.toml:{place}]"), rule, "help: "]);
         }
@@ -249,6 +271,8 @@ command_rate_hz = 5000
                 }),
                 effects: vec![Effect { kind: kind.id.to_owned(), parameters, std }],
                 provenance: Some(Provenance {
+                    experiment: Some(version.clone()),
+                    records_crc32: Some(version.clone()),
                     records: vec![version.clone()],
                     version,
                     output: Output::Rpm,

@@ -8,7 +8,7 @@ use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{Excitation, Experiment, LongRecord, Output, Record};
-use crate::files::{FileError, TextFile, TomlFile};
+use crate::files::{FileError, TextFile, TomlFile, checksum_of_files};
 
 impl Experiment {
     /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
@@ -34,6 +34,19 @@ impl Experiment {
         let mut experiment = manifest.to_experiment();
         experiment.records = manifest.records.into_iter().map(Entry::into_record).collect();
         Ok(experiment)
+    }
+
+    /// By which two results can be seen to rest on the same files: [`checksum_of_files`] of a log, or of the `experiment.toml` in a
+    /// folder and then of each record. `None` where they are not all there, as of records that were never written.
+    #[must_use]
+    pub fn checksum(source: &Path) -> Option<String> {
+        if source.is_file() {
+            return checksum_of_files([source.to_owned()]);
+        }
+        let manifest = source.join(MANIFEST);
+        let (described, _) = Manifest::parse(TextFile::read(&manifest).ok()?).ok()?;
+        let records = described.records.iter().map(|entry| source.join(&entry.file));
+        checksum_of_files([manifest].into_iter().chain(records))
     }
 
     /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:

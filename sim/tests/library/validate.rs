@@ -220,6 +220,8 @@ fn what_does_not_go_together_is_refused_with_its_remedy() {
 
     let mut rpm = motor();
     rpm.provenance = Some(Provenance {
+        experiment: None,
+        records_crc32: None,
         records: Vec::new(),
         version: "0".into(),
         output: Output::Rpm,
@@ -355,6 +357,8 @@ fn what_was_compared_and_the_papers_table_go_with_the_fit() {
     let experiment = experiment(SIGMA_N);
     let mut model = motor();
     model.provenance = Some(Provenance {
+        experiment: None,
+        records_crc32: None,
         records: vec!["u050_multisine.csv".into()],
         version: "0".into(),
         output: Output::ThrustN,

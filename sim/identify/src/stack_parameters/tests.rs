@@ -23,6 +23,8 @@ fn model(output: Output, static_map: Option<StaticMap>) -> Model {
         time_constant_curve: None,
         effects: Vec::new(),
         provenance: Some(Provenance {
+            experiment: None,
+            records_crc32: None,
             records: Vec::new(),
             version: String::new(),
             output,

@@ -28,6 +28,8 @@ impl StaircaseFit {
             time_constant_curve: self.curve.as_ref().map(|curve| curve.band(command.iter().copied())),
             effects: Vec::new(),
             provenance: Some(Provenance {
+                experiment: None,
+                records_crc32: None,
                 records: vec![self.record.clone()],
                 version: version.into(),
                 output: self.output,

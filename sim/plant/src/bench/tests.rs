@@ -275,6 +275,8 @@ fn what_does_not_go_together_is_refused() {
 
     let mut rpm = table_1();
     rpm.provenance = Some(Provenance {
+        experiment: None,
+        records_crc32: None,
         records: Vec::new(),
         version: String::new(),
         output: Output::Rpm,

@@ -10,6 +10,7 @@
 //! fault in the file's text, writing refuses with it before anything is written.
 
 mod blocks;
+mod checksum;
 pub mod csv_rows;
 mod did_you_mean;
 mod error;
@@ -28,6 +29,7 @@ mod write;
 pub mod testing;
 
 pub(crate) use blocks::TextBlocks;
+pub use checksum::{checksum, checksum_of_files};
 pub use did_you_mean::did_you_mean;
 pub use error::{FileError, Located};
 pub use excerpt::Excerpt;
