@@ -95,7 +95,7 @@ pub fn design<'py>(
             .design(&model, purpose)
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("`{}` gives no compensator", name.display()))?;
-        let latency = Latency::standard(designed.compensator().loop_rate_hz());
+        let latency = Latency::standard(designed.compensator(&model).loop_rate_hz());
         let found = DesignResult { recommendation, ..DesignResult::of(&model, &effects, designed, latency) };
         out.map_or(Ok(()), |out| found.compensator.write(&out))?;
         Ok(found)

@@ -26,6 +26,7 @@ mod output;
 mod outputs;
 #[cfg(unix)]
 mod promise;
+mod provenance;
 mod report_of_steps;
 mod reports;
 #[cfg(unix)]

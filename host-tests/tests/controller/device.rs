@@ -330,6 +330,15 @@ fn a_compensator_is_set_from_its_file() {
         let back = CompensatorDesign::read(&bench.path(&format!("stand{number}/compensator.toml"))).unwrap();
         assert!(back.runs_as(&design), "{back:?}");
     }
+    let mut other = model.clone();
+    other.points[0].gain *= 1.01;
+    for (model, warned) in [(&model, false), (&other, true)] {
+        let design = CompensatorDesign::read(&bench.path("compensator.toml")).unwrap().designed_for(model);
+        design.write(&bench.path("compensator.toml")).unwrap();
+        let set = bench.device("set --compensator @compensator.toml --model @model.toml").unwrap();
+        let warnings = set["warnings"].to_string();
+        assert_eq!(warnings.contains("the compensator was designed for the model with CRC-32"), warned, "{warnings}");
+    }
     let error = bench.device("set --compensator @model.toml").unwrap_err();
     assert!(error.contains("a model") && error.contains("a compensator is needed"), "{error}");
 }

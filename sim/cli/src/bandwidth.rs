@@ -17,7 +17,7 @@ use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
 use rotorlead_results::{
     BandwidthValues, bandwidth_section, bandwidth_table, bandwidth_values, in_short, judged, latency_json, lost_gain,
-    measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
+    measured_response, measured_table, of_another_model, simulated_response, simulation_and_experiment, steps_table,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -41,7 +41,8 @@ const SEED: u64 = 1;
 /// --compensator one is designed from the model, as `rotorlead design` would. Beside each stands the phase there of the
 /// whole chain, from the flight controller's pulse to the response, and the frequency at which that phase is -90 degrees:
 /// the crossover of a rate controller has to lie below. Warns where dead time makes the gained bandwidth worthless: at the new
-/// bandwidth it lags more than 1 rad alone, and the whole chain more than 90 degrees.
+/// bandwidth it lags more than 1 rad alone, and the whole chain more than 90 degrees. Warns too where the compensator's file
+/// names another model than this one.
 #[derive(Args, Debug)]
 pub struct Bandwidth {
     /// The model, as `rotorlead identify` writes it
@@ -107,7 +108,7 @@ impl Bandwidth {
         let design = match (&self.lead, &self.compensator) {
             (Some(_), _) => None,
             (None, Some(file)) => Some(CompensatorDesign::read(file)?),
-            (None, None) => Some(self.parameters.design(&model, &self.model)?.compensator()),
+            (None, None) => Some(self.parameters.design(&model, &self.model)?.compensator(&model)),
         };
         let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
         let esc_frame_hz = self.esc_frame.or(identified);
@@ -124,7 +125,9 @@ impl Bandwidth {
         let latency =
             self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
-        let warnings: Vec<String> = judged(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
+        let other = design.as_ref().and_then(|design| of_another_model(design, &model));
+        let warnings: Vec<String> =
+            other.into_iter().chain(judged(&model)).chain(lost_gain(&points, &phases)).collect();
         let mut text = bandwidth_table(&points, &phases).text();
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_holds(&latency, chain, &phases));

@@ -65,7 +65,7 @@ impl Design {
             .design(&model, self.purpose.purpose())
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("`{}` gives no compensator", self.model.display()))?;
-        let compensator = designed.compensator();
+        let compensator = designed.compensator(&model);
         compensator.write(&self.out)?;
 
         let latency = self.latency.latency(compensator.loop_rate_hz())?;

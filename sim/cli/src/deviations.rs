@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use rotorlead_answer::Table;
 use rotorlead_identify::design::{DEVIATIONS, DesignOptions, Robustness, design, robustness};
-use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 use rotorlead_results::robustness_table;
 use serde::Serialize;
 
@@ -24,9 +24,9 @@ pub struct Values {
 impl Deviations {
     /// Of a compensator for `model`, and beside an inverse of the paper's lead, where the model gives one.
     pub fn of(model: &Model, given: &CompensatorDesign, esc_frame_hz: Option<f64>) -> miette::Result<Self> {
-        let lead = match given {
-            CompensatorDesign::Lead(_) => None,
-            CompensatorDesign::Inverse(_) => design(model, &DesignOptions::default()).ok().map(CompensatorDesign::from),
+        let lead = match given.kind {
+            FilterDesign::Lead(_) => None,
+            FilterDesign::Inverse(_) => design(model, &DesignOptions::default()).ok().map(CompensatorDesign::from),
         };
         let name = if given.as_lead().is_some() { "C(s)" } else { "inverse" };
         let compensators: Vec<_> =

@@ -35,9 +35,9 @@ pub mod testing;
 
 pub use actuator::{Actuator, EscTiming, Law};
 pub use compensator::{
-    CoefficientFormat, CommandNoiseGain, CompensatorDesign, GainFormat, InverseCompensator, InverseFile, InverseKind,
-    InverseRange, LeadFile, LeadKind, ReferenceFormat, SignalFormat, StoredCoefficients, StoredCompensator,
-    StoredInverse,
+    CoefficientFormat, CommandNoiseGain, CompensatorDesign, CompensatorProvenance, FilterDesign, GainFormat,
+    InverseCompensator, InverseFile, InverseKind, InverseRange, LeadFile, LeadKind, ReferenceFormat, SignalFormat,
+    StoredCoefficients, StoredCompensator, StoredInverse,
 };
 pub use delay::TransportDelay;
 pub use drive::Drive;

@@ -6,7 +6,8 @@ use rotorlead_identify::design::{
     chain_phases, design, design_inverse,
 };
 use rotorlead_plant::{
-    ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator, Word,
+    ActiveEffect, CommandNoiseGain, CompensatorDesign, CompensatorProvenance, LeadFile, Model, StoredCoefficients,
+    StoredCompensator, Word,
 };
 use rotorlead_vehicle::Recommendation;
 use serde::Serialize;
@@ -39,13 +40,14 @@ impl Designed {
         }
     }
 
-    /// What runs.
+    /// What runs, designed for `model`.
     #[must_use]
-    pub fn compensator(&self) -> CompensatorDesign {
-        match self {
+    pub fn compensator(&self, model: &Model) -> CompensatorDesign {
+        let design: CompensatorDesign = match self {
             Self::Lead(design) => (*design).into(),
             Self::Inverse(designed) => designed.compensator.clone().into(),
-        }
+        };
+        design.designed_for(model)
     }
 }
 
@@ -89,6 +91,7 @@ pub struct LeadValues {
     /// Null where there is no limit.
     slew_per_s: Option<f64>,
     coefficients: StoredCoefficients,
+    provenance: Option<CompensatorProvenance>,
     warnings: Vec<String>,
     worst_deviation_db: f64,
     pole_radii: [f64; 2],
@@ -131,7 +134,7 @@ impl DesignResult {
     /// Predicts what `designed` makes of `model`, whose effects are `effects`.
     #[must_use]
     pub fn of(model: &Model, effects: &[ActiveEffect], designed: Designed, latency: Latency) -> Self {
-        let compensator = designed.compensator();
+        let compensator = designed.compensator(model);
         let chain = Chain::Designed(&compensator);
         let points = bandwidths_with(model, effects, chain);
         let phases = chain_phases(model, effects, chain, &latency, &points);
@@ -153,7 +156,7 @@ impl DesignResult {
         let warnings = self.warnings.clone();
         let recommend = self.recommendation.clone();
         match (designed, compensator.stored()) {
-            (Designed::Lead(design), StoredCompensator::Lead(LeadFile { coefficients, .. })) => {
+            (Designed::Lead(design), StoredCompensator::Lead(LeadFile { coefficients, provenance, .. })) => {
                 let (check, lead) = (design.check(), design.lead());
                 DesignValues::Lead(LeadValues {
                     zero_rad_s: lead.omega_z_rad_s,
@@ -162,6 +165,7 @@ impl DesignResult {
                     loop_rate_hz: design.loop_rate_hz(),
                     slew_per_s: design.slew_per_s(),
                     coefficients,
+                    provenance,
                     warnings,
                     worst_deviation_db: check.worst_deviation_db,
                     pole_radii: check.pole_radii,
@@ -196,6 +200,18 @@ impl DesignResult {
 pub fn judged(model: &Model) -> Option<String> {
     let judgement = model.judgement().filter(|judgement| judgement.state != Word::Ready)?;
     Some(format!("warning: the model was judged when it was identified, as {judgement}"))
+}
+
+/// Said of a compensator whose file names another model: what is predicted with this one holds for another motor.
+#[must_use]
+pub fn of_another_model(compensator: &CompensatorDesign, model: &Model) -> Option<String> {
+    let (named, this) = (compensator.provenance.as_ref()?, CompensatorProvenance::new(model));
+    (named.model_crc32 != this.model_crc32).then(|| {
+        format!(
+            "warning: the compensator was designed for {named}, and this is {this}: design it for this one, or give the model that it \
+             was designed for"
+        )
+    })
 }
 
 /// A setting of an inverse as the command line names it.

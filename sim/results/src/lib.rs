@@ -25,7 +25,7 @@ pub use bandwidths::{
     BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_text, bandwidth_values, measured_table,
 };
 pub use catalog::{catalog_markdown, with_catalog};
-pub use design::{DesignResult, DesignValues, Designed, judged, setting_name};
+pub use design::{DesignResult, DesignValues, Designed, judged, of_another_model, setting_name};
 pub use diagnose::diagnosis_json;
 pub use distortion::DistortionValues;
 pub use figures::bode::{Band, Curve, bode};

@@ -52,7 +52,8 @@ pub(super) struct Row {
 impl InverseDemonstration {
     /// Designs an inverse for `model`, which was identified, and measures it on `actuators`; `lead` is for comparison.
     pub(super) fn of(actuators: &Model, model: &Model, plan: &Plan, lead: &CompensatorDesign) -> miette::Result<Self> {
-        let design: CompensatorDesign = design_inverse(model, &InverseOptions::default())?.compensator.into();
+        let design = design_inverse(model, &InverseOptions::default())?.compensator;
+        let design = CompensatorDesign::from(design).designed_for(model);
         let mut plan = plan.clone().compensated("inverse.toml");
         plan.records.retain(|record| record.excitation == Excitation::Multisine);
         plan.records.iter_mut().for_each(|record| record.amplitude = Some(AMPLITUDE));

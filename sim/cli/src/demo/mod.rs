@@ -153,7 +153,7 @@ impl Demo {
         bar.finish_and_clear();
 
         let compensated_plan = plan.clone().compensated("compensator.toml");
-        let compensator = CompensatorDesign::from(design);
+        let compensator = CompensatorDesign::from(design).designed_for(model);
         let compensated_stand = simulate(&compensated_plan, &actuators, Some(&compensator))?;
         let bar = progress::spinner("measuring");
         let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use rotorlead::settings::Key;
 use rotorlead_device::curve_text;
-use rotorlead_plant::CompensatorDesign;
+use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
+use rotorlead_results::of_another_model;
 
 /// A compensator to be set, and where.
 #[derive(Args, Debug)]
@@ -16,19 +17,33 @@ pub struct CompensatorArguments {
     /// Of an inverse, set the time constants of this motor alone; of every motor unless given
     #[arg(long, value_name = "MOTOR", requires = "compensator")]
     motor: Option<u8>,
+    /// The model of the motor that is driven: warns where the compensator was designed for another
+    #[arg(long, value_name = "FILE", requires = "compensator")]
+    model: Option<PathBuf>,
+}
+
+/// What a compensator's file changes.
+#[derive(Default)]
+pub struct Changes {
+    /// Names and values of the settings; none where no file is given.
+    pub settings: Vec<(String, String)>,
+    /// Where the compensator is of another model than the one given.
+    pub warning: Option<String>,
 }
 
 impl CompensatorArguments {
-    /// Names and values of the settings; none where no file is given.
+    /// What is to be set.
     ///
     /// # Errors
-    /// When the file cannot be read, holds a prewarped lead, or a loop rate that is no whole number.
-    pub fn changes(&self) -> miette::Result<Vec<(String, String)>> {
-        let Some(path) = &self.compensator else { return Ok(Vec::new()) };
+    /// When a file cannot be read, holds a prewarped lead, or a loop rate that is no whole number.
+    pub fn changes(&self) -> miette::Result<Changes> {
+        let Some(path) = &self.compensator else { return Ok(Changes::default()) };
         let design = CompensatorDesign::read(path)?;
+        let model = self.model.as_deref().map(Model::read).transpose()?;
+        let warning = model.and_then(|model| of_another_model(&design, &model));
         let mut changes = vec![(Key::LoopRateHz, design.loop_rate_hz().to_string())];
-        match &design {
-            CompensatorDesign::Lead(design) => {
+        match &design.kind {
+            FilterDesign::Lead(design) => {
                 if let Some(prewarp_rad_s) = design.prewarp_rad_s() {
                     return Err(prewarped(path, prewarp_rad_s));
                 }
@@ -42,7 +57,7 @@ impl CompensatorArguments {
                 // A file without one, as the paper has it, leaves that of the ESCs as it is.
                 changes.extend(design.slew_per_s().map(|slew_per_s| (Key::OutputSlewPerS, slew_per_s.to_string())));
             }
-            CompensatorDesign::Inverse(inverse) => {
+            FilterDesign::Inverse(inverse) => {
                 let (reference, range) = (inverse.design().reference(), inverse.range());
                 changes.extend([
                     (Key::Compensator, "inverse".to_owned()),
@@ -59,7 +74,8 @@ impl CompensatorArguments {
         let name = |key: Key| {
             if key.is_of_a_motor() { format!("motor.{motor}.{}", key.name()) } else { key.name().to_owned() }
         };
-        Ok(changes.into_iter().map(|(key, value)| (name(key), value)).collect())
+        let settings = changes.into_iter().map(|(key, value)| (name(key), value)).collect();
+        Ok(Changes { settings, warning })
     }
 }
 

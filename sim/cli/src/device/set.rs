@@ -8,8 +8,8 @@ use rotorlead_device::{DeviceError, Session, change};
 use serde_json::{Map, Value, json};
 
 use super::super::WrongUse;
-use super::super::outcome::{Outcome, warning_lines};
-use super::compensator::CompensatorArguments;
+use super::super::outcome::{Outcome, warning_lines, without_mark};
+use super::compensator::{Changes, CompensatorArguments};
 use super::design_remedy;
 
 #[derive(Args, Debug)]
@@ -25,7 +25,7 @@ pub struct Set {
 
 impl Set {
     pub fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
-        let changes = self.changes()?;
+        let Changes { settings: changes, warning } = self.changes()?;
         // Here rather than by the controller: the reasons are the same, and a design says more.
         let settings = change(&session.settings()?, &changes)?;
         filters(&settings).map_err(|error| miette!(help = design_remedy(&error), "{error}"))?;
@@ -37,8 +37,9 @@ impl Set {
             );
             return Err(DeviceError::NotChosen { act: "setting anything else alone", help }.into());
         }
-        let warnings: Vec<String> =
-            session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
+        let of_controller = session.set_settings(&settings)?;
+        let mut warnings = without_mark(warning.as_slice());
+        warnings.extend(of_controller.iter().map(|warning| warning.to_string()));
         let mut text = String::new();
         for (key, value) in &changes {
             text.push_str(&format!("{key} = {value}, "));
@@ -60,14 +61,14 @@ impl Set {
         Ok(Outcome::new(text, &json))
     }
 
-    /// Names and values.
-    fn changes(&self) -> miette::Result<Vec<(String, String)>> {
+    /// Names and values, those of the compensator's file first.
+    fn changes(&self) -> miette::Result<Changes> {
         let (pairs, rest) = self.pairs.as_chunks::<2>();
         if let [key] = rest {
             return Err(WrongUse::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]").into());
         }
         let mut changes = self.compensator.changes()?;
-        changes.extend(pairs.iter().map(|[key, value]| (key.clone(), value.clone())));
+        changes.settings.extend(pairs.iter().map(|[key, value]| (key.clone(), value.clone())));
         Ok(changes)
     }
 }

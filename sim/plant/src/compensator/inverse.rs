@@ -186,8 +186,7 @@ mod tests {
     fn the_response_is_that_of_the_recurrence() {
         let inverse = inverse((0.3, 0.7));
         for (nominal, omega, amplitude) in [(0.45, 20.0, 0.005), (0.45, 94.2, 0.005), (0.6, 300.0, 0.005)] {
-            let mut running =
-                CompensatorDesign::Inverse(inverse.clone()).running(Command::saturating_from_f64(nominal));
+            let mut running = CompensatorDesign::from(inverse.clone()).running(Command::saturating_from_f64(nominal));
             let period = TAU / omega * 5000.0;
             let (settled, ticks) = ((10.0 * period) as u32, (20.0 * period) as u32);
             let mut sum = Complex64::ZERO;
@@ -213,8 +212,7 @@ mod tests {
         for (nominal, is_covered) in [(0.4, false), (0.42, true), (0.6, true), (0.61, false)] {
             assert_eq!(inverse.lead_at(nominal).is_some(), is_covered, "{nominal}");
             assert_eq!(inverse.response(nominal, 90.0) != Complex64::ONE, is_covered, "{nominal}");
-            let mut running =
-                CompensatorDesign::Inverse(inverse.clone()).running(Command::saturating_from_f64(nominal));
+            let mut running = CompensatorDesign::from(inverse.clone()).running(Command::saturating_from_f64(nominal));
             let up = Command::saturating_from_f64(nominal + 1e-3);
             let highest = (0..100).map(|_| running.update(up).to_f64() - nominal).fold(0.0, f64::max);
             assert_eq!(highest > 0.002, inverse.covers(nominal + 1e-3), "{highest} at {nominal}");

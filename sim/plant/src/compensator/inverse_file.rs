@@ -8,7 +8,7 @@ use rotorlead_records::files::{Fault, Place};
 use serde::{Deserialize, Serialize};
 
 use super::stored::CompensatorFile;
-use super::{InverseCompensator, InverseRange, SignalFormat};
+use super::{CompensatorProvenance, InverseCompensator, InverseRange, SignalFormat};
 
 /// A conditioned inverse: the response that the rotor is to have, the time constants that it has, and what its command can do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,6 +50,9 @@ pub struct InverseFile {
     pub signal_format: SignalFormat,
     /// The integers.
     pub coefficients: StoredInverse,
+    /// Where it comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<CompensatorProvenance>,
 }
 
 /// The kind of compensator that the file holds.
@@ -118,6 +121,7 @@ impl CompensatorFile for InverseFile {
             gain_format: GainFormat::Q9_22,
             signal_format: SignalFormat::Q2_29,
             coefficients: StoredInverse { a: coefficients.a(), b: coefficients.b(), g: coefficients.gains().to_vec() },
+            provenance: None,
         }
     }
 
@@ -240,7 +244,7 @@ g = {g:?}
 
     fn read(text: &str) -> Result<InverseCompensator, FileError> {
         let scratch = Scratch::new();
-        InverseFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)
+        Ok(InverseFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)?.0)
     }
 
     #[track_caller]
@@ -322,7 +326,7 @@ g = {g:?}
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
             crate::CompensatorDesign::from(inverse.clone()).write(&path).unwrap();
-            prop_assert_eq!(InverseFile::parse(TextFile::read(&path).unwrap()).unwrap(), inverse);
+            prop_assert_eq!(InverseFile::parse(TextFile::read(&path).unwrap()).unwrap().0, inverse);
         }
     }
 }

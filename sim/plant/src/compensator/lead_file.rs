@@ -7,6 +7,7 @@ use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead_records::files::{Fault, Place};
 use serde::{Deserialize, Serialize};
 
+use super::CompensatorProvenance;
 use super::stored::CompensatorFile;
 
 /// A compensator `C(s) = pole^2 (s / zero + 1) / (s^2 + 2 damping pole s + pole^2)` (3), and its
@@ -40,6 +41,9 @@ pub struct LeadFile {
     pub signal_format: SignalFormat,
     /// The integers.
     pub coefficients: StoredCoefficients,
+    /// Where it comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<CompensatorProvenance>,
 }
 
 /// The kind of compensator that the file holds.
@@ -102,6 +106,7 @@ impl CompensatorFile for LeadFile {
                 g0: coefficients.g0(),
                 g1: coefficients.g1(),
             },
+            provenance: None,
         }
     }
 
@@ -187,7 +192,7 @@ g1 = {g1}
 
     fn read(text: &str) -> Result<LeadDesign, FileError> {
         let scratch = Scratch::new();
-        LeadFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)
+        Ok(LeadFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)?.0)
     }
 
     #[track_caller]
@@ -204,7 +209,7 @@ g1 = {g1}
         let scratch = Scratch::new();
         let path = scratch.path().join("compensator.toml");
         crate::CompensatorDesign::from(prewarped).write(&path).unwrap();
-        assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().prewarp_rad_s(), Some(20.0));
+        assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().0.prewarp_rad_s(), Some(20.0));
         let limited = read(&text().replacen("= 5000", "= 5000\nslew_per_s = 20", 1)).unwrap();
         assert_eq!(limited, design().with_slew(20.0).unwrap());
         assert_ne!(limited.filter(), design().filter());
@@ -276,7 +281,7 @@ g1 = {g1}
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
             crate::CompensatorDesign::from(design).write(&path).unwrap();
-            prop_assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap(), design);
+            prop_assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().0, design);
         }
     }
 }

@@ -3,11 +3,13 @@
 mod inverse;
 mod inverse_file;
 mod lead_file;
+mod provenance;
 mod stored;
 
 pub use inverse::{InverseCompensator, InverseRange};
 pub use inverse_file::{GainFormat, InverseFile, InverseKind, ReferenceFormat, StoredInverse};
 pub use lead_file::{CoefficientFormat, LeadFile, LeadKind, SignalFormat, StoredCoefficients};
+pub use provenance::CompensatorProvenance;
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -19,13 +21,23 @@ use rotorlead::throttle::Command;
 use rotorlead_records::files::{FileError, Place, TextFile, TomlFile, write_file};
 use serde::{Deserialize, Serialize};
 
+use crate::Model;
 use stored::CompensatorFile;
+
+/// A checked design, and the model that it is for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompensatorDesign {
+    /// What was designed.
+    pub kind: FilterDesign,
+    /// What it was designed for; `None` where its file does not say so, and of what a controller runs.
+    pub provenance: Option<CompensatorProvenance>,
+}
 
 /// A checked design of either kind.
 // There are few of them.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]
-pub enum CompensatorDesign {
+pub enum FilterDesign {
     /// The paper's C(s).
     Lead(LeadDesign),
     /// A conditioned inverse.
@@ -66,14 +78,26 @@ impl CompensatorDesign {
         // What has no such key, and what cannot be read, is said by the reader of the kind that came first.
         let kind = TomlFile::parse::<Kind>(text.clone()).ok().and_then(|(read, file)| Some((read.kind?, file)));
         match kind.as_ref().map(|(kind, file)| (kind.as_str(), file)) {
-            None | Some(("lead", _)) => Ok(Self::Lead(LeadFile::parse(text)?)),
-            Some(("inverse", _)) => Ok(Self::Inverse(InverseFile::parse(text)?)),
+            None | Some(("lead", _)) => {
+                let (design, LeadFile { provenance, .. }) = LeadFile::parse(text)?;
+                Ok(Self { kind: FilterDesign::Lead(design), provenance })
+            }
+            Some(("inverse", _)) => {
+                let (inverse, InverseFile { provenance, .. }) = InverseFile::parse(text)?;
+                Ok(Self { kind: FilterDesign::Inverse(inverse), provenance })
+            }
             Some((other, file)) => Err(file.show(
                 &Place::root()
                     .key("kind")
                     .fault(format!("`{other}` is no kind of compensator"), "give `lead` or `inverse`"),
             )),
         }
+    }
+
+    /// The same, designed for `model`.
+    #[must_use]
+    pub fn designed_for(self, model: &Model) -> Self {
+        Self { provenance: Some(CompensatorProvenance::new(model)), ..self }
     }
 
     /// Writes it, complete or not at all.
@@ -98,9 +122,12 @@ impl CompensatorDesign {
     /// What its file holds.
     #[must_use]
     pub fn stored(&self) -> StoredCompensator {
-        match self {
-            Self::Lead(design) => StoredCompensator::Lead(LeadFile::of(design)),
-            Self::Inverse(inverse) => StoredCompensator::Inverse(InverseFile::of(inverse)),
+        let provenance = self.provenance.clone();
+        match &self.kind {
+            FilterDesign::Lead(design) => StoredCompensator::Lead(LeadFile { provenance, ..LeadFile::of(design) }),
+            FilterDesign::Inverse(inverse) => {
+                StoredCompensator::Inverse(InverseFile { provenance, ..InverseFile::of(inverse) })
+            }
         }
     }
 
@@ -108,9 +135,9 @@ impl CompensatorDesign {
     /// inverse to its own. Either has the slew limit of its design.
     #[must_use]
     pub fn running(&self, start: Command) -> Compensator {
-        let (min, max) = match self {
-            Self::Lead(_) => (Command::ZERO, Command::ONE),
-            Self::Inverse(inverse) => inverse.ends(),
+        let (min, max) = match &self.kind {
+            FilterDesign::Lead(_) => (Command::ZERO, Command::ONE),
+            FilterDesign::Inverse(inverse) => inverse.ends(),
         };
         let mut compensator = Compensator::new(self.filter(), min, max);
         compensator.reset(start);
@@ -120,27 +147,27 @@ impl CompensatorDesign {
     /// What a [`Compensator`] is made of, without the limits of its output.
     #[must_use]
     pub fn filter(&self) -> Filter {
-        match self {
-            Self::Lead(design) => design.filter().into(),
-            Self::Inverse(inverse) => inverse.filter().into(),
+        match &self.kind {
+            FilterDesign::Lead(design) => design.filter().into(),
+            FilterDesign::Inverse(inverse) => inverse.filter().into(),
         }
     }
 
     /// Most by which the output changes, units of the command per second; `None` for no limit.
     #[must_use]
     pub fn slew_per_s(&self) -> Option<f64> {
-        match self {
-            Self::Lead(design) => design.slew_per_s(),
-            Self::Inverse(inverse) => inverse.range().slew_per_s,
+        match &self.kind {
+            FilterDesign::Lead(design) => design.slew_per_s(),
+            FilterDesign::Inverse(inverse) => inverse.range().slew_per_s,
         }
     }
 
     /// Whether the controller would make the same of it, bit for bit: the same coefficients and limits.
     #[must_use]
     pub fn runs_as(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Lead(one), Self::Lead(other)) => one.filter() == other.filter(),
-            (Self::Inverse(one), Self::Inverse(other)) => one.runs_as(other),
+        match (&self.kind, &other.kind) {
+            (FilterDesign::Lead(one), FilterDesign::Lead(other)) => one.filter() == other.filter(),
+            (FilterDesign::Inverse(one), FilterDesign::Inverse(other)) => one.runs_as(other),
             _ => false,
         }
     }
@@ -148,63 +175,63 @@ impl CompensatorDesign {
     /// Ticks per second.
     #[must_use]
     pub fn loop_rate_hz(&self) -> f64 {
-        match self {
-            Self::Lead(design) => design.loop_rate_hz(),
-            Self::Inverse(inverse) => inverse.design().loop_rate_hz(),
+        match &self.kind {
+            FilterDesign::Lead(design) => design.loop_rate_hz(),
+            FilterDesign::Inverse(inverse) => inverse.design().loop_rate_hz(),
         }
     }
 
     /// The lead, if it is one.
     #[must_use]
     pub fn as_lead(&self) -> Option<&LeadDesign> {
-        match self {
-            Self::Lead(design) => Some(design),
-            Self::Inverse(_) => None,
+        match &self.kind {
+            FilterDesign::Lead(design) => Some(design),
+            FilterDesign::Inverse(_) => None,
         }
     }
 
     /// The inverse, if it is one.
     #[must_use]
     pub fn as_inverse(&self) -> Option<&InverseCompensator> {
-        match self {
-            Self::Lead(_) => None,
-            Self::Inverse(inverse) => Some(inverse),
+        match &self.kind {
+            FilterDesign::Lead(_) => None,
+            FilterDesign::Inverse(inverse) => Some(inverse),
         }
     }
 
     /// The continuous lead that it is for small signals around `nominal`; `None` where an inverse is bypassed.
     #[must_use]
     pub fn lead_at(&self, nominal: f64) -> Option<LeadParameters> {
-        match self {
-            Self::Lead(design) => Some(*design.lead()),
-            Self::Inverse(inverse) => inverse.lead_at(nominal),
+        match &self.kind {
+            FilterDesign::Lead(design) => Some(*design.lead()),
+            FilterDesign::Inverse(inverse) => inverse.lead_at(nominal),
         }
     }
 
     /// Natural frequency of the poles, or of the reference model, rad/s.
     #[must_use]
     pub fn natural_rad_s(&self) -> f64 {
-        match self {
-            Self::Lead(design) => design.lead().omega_f_rad_s,
-            Self::Inverse(inverse) => inverse.design().reference().omega_f_rad_s,
+        match &self.kind {
+            FilterDesign::Lead(design) => design.lead().omega_f_rad_s,
+            FilterDesign::Inverse(inverse) => inverse.design().reference().omega_f_rad_s,
         }
     }
 
     /// Largest answer to a step of one: leave room for it. That of an inverse is at its slowest point, without its limits.
     #[must_use]
     pub fn step_peak(&self) -> f64 {
-        match self {
-            Self::Lead(design) => design.check().step_peak,
-            Self::Inverse(inverse) => inverse.step_peak(),
+        match &self.kind {
+            FilterDesign::Lead(design) => design.check().step_peak,
+            FilterDesign::Inverse(inverse) => inverse.step_peak(),
         }
     }
 
     /// Asymptotic peak of the amplification, dB; that of an inverse at its slowest point.
     #[must_use]
     pub fn asymptotic_peak_db(&self) -> f64 {
-        match self {
-            Self::Lead(design) => design.lead().asymptotic_peak_db(),
-            Self::Inverse(inverse) => {
+        match &self.kind {
+            FilterDesign::Lead(design) => design.lead().asymptotic_peak_db(),
+            FilterDesign::Inverse(inverse) => {
                 let lead = inverse.slowest().and_then(|point| inverse.lead_at(point.command));
                 lead.map_or(0.0, |lead| lead.asymptotic_peak_db())
             }
@@ -214,9 +241,9 @@ impl CompensatorDesign {
     /// The response of the rounded recurrence to small signals around `nominal`, 1 at 0 rad/s.
     #[must_use]
     pub fn response(&self, nominal: f64, omega_rad_s: f64) -> Complex64 {
-        match self {
-            Self::Lead(design) => design.response(omega_rad_s),
-            Self::Inverse(inverse) => inverse.response(nominal, omega_rad_s),
+        match &self.kind {
+            FilterDesign::Lead(design) => design.response(omega_rad_s),
+            FilterDesign::Inverse(inverse) => inverse.response(nominal, omega_rad_s),
         }
     }
 }
@@ -238,10 +265,10 @@ impl CompensatorDesign {
     /// slowest point, where it is highest; 1 where it is bypassed at every point.
     #[must_use]
     pub fn command_noise_gain(&self) -> [CommandNoiseGain; 3] {
-        let nominal = match self {
+        let nominal = match &self.kind {
             // The same at every command.
-            Self::Lead(_) => Some(0.0),
-            Self::Inverse(inverse) => inverse.slowest().map(|point| point.command),
+            FilterDesign::Lead(_) => Some(0.0),
+            FilterDesign::Inverse(inverse) => inverse.slowest().map(|point| point.command),
         };
         NOISE_FREQUENCIES_HZ.map(|frequency_hz| CommandNoiseGain {
             frequency_hz,
@@ -252,13 +279,13 @@ impl CompensatorDesign {
 
 impl From<LeadDesign> for CompensatorDesign {
     fn from(design: LeadDesign) -> Self {
-        Self::Lead(design)
+        Self { kind: FilterDesign::Lead(design), provenance: None }
     }
 }
 
 impl From<InverseCompensator> for CompensatorDesign {
     fn from(inverse: InverseCompensator) -> Self {
-        Self::Inverse(inverse)
+        Self { kind: FilterDesign::Inverse(inverse), provenance: None }
     }
 }
 

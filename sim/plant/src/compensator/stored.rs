@@ -26,7 +26,7 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
     fn integers(&self) -> Vec<(Place, i32)>;
 
     /// Reads a file's text, and refuses it unless the controller makes the stored integers of its parameters.
-    fn parse(text: TextFile) -> Result<Self::Design, FileError> {
+    fn parse(text: TextFile) -> Result<(Self::Design, Self), FileError> {
         let (stored, file): (Self, _) = TomlFile::parse(text)?;
         stored.check().map_err(|fault| file.show(&fault))?;
         let design = stored.design().map_err(|reason| {
@@ -36,7 +36,7 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
             ))
         })?;
         same(&stored.integers(), &Self::of(&design).integers()).map_err(|fault| file.show(&fault))?;
-        Ok(design)
+        Ok((design, stored))
     }
 
     /// The text of a file that is to be at `path`, checked.

@@ -8,7 +8,7 @@ use rotorlead_identify::design::redesign::RedesignPoint;
 use rotorlead_identify::{
     Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
 };
-use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 
 use super::bode::{Curve, bode};
 use crate::number::at_nominal;
@@ -32,8 +32,8 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
     let ends = (FROM_RAD_S, half);
     let rate = format!("in integers, at {} Hz", design.loop_rate_hz());
     let mut curves = Vec::new();
-    let caption = match design {
-        CompensatorDesign::Lead(design) => {
+    let caption = match &design.kind {
+        FilterDesign::Lead(design) => {
             let lead = design.lead();
             curves.push(Curve::of_model("C(s)", Mark::Line, Color::Blue, ends, |omega| lead.response(omega)));
             curves.push(Curve::of_model(rate, Mark::Dashes, Color::Vermilion, ends, |omega| design.response(omega)));
@@ -45,7 +45,7 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
                 design.check().step_peak
             )
         }
-        CompensatorDesign::Inverse(_) => {
+        FilterDesign::Inverse(_) => {
             for (index, point) in model.points.iter().enumerate() {
                 let Some(lead) = design.lead_at(point.nominal) else { continue };
                 let (name, color) = (at_nominal(point.nominal), Color::nth(index));

@@ -2,18 +2,16 @@
 
 use rotorlead::design::{CurvePoint, LeadDesign};
 use rotorlead_answer::{Cell, Column, Section, Table};
-use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, InverseCompensator, Model, Point};
+use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, FilterDesign, InverseCompensator, Model, Point};
 
 use crate::figures::compensation::{compensator, simulated};
 
 /// Its parameters, what the controller makes of them, and what it does to the model.
 #[must_use]
 pub fn design_section(design: &CompensatorDesign, model: &Model) -> Section {
-    let (text, tables) = match design {
-        CompensatorDesign::Lead(lead) => {
-            (transfer_function(lead), vec![design_table(lead, model), discrete_table(lead)])
-        }
-        CompensatorDesign::Inverse(inverse) => {
+    let (text, tables) = match &design.kind {
+        FilterDesign::Lead(lead) => (transfer_function(lead), vec![design_table(lead, model), discrete_table(lead)]),
+        FilterDesign::Inverse(inverse) => {
             (inverse_equation(inverse), vec![inverse_table(design, inverse), curve_table(inverse)])
         }
     };
@@ -29,8 +27,8 @@ pub fn design_section(design: &CompensatorDesign, model: &Model) -> Section {
 /// The parameters of either kind in a line.
 #[must_use]
 pub fn in_short(design: &CompensatorDesign) -> String {
-    match design {
-        CompensatorDesign::Lead(design) => {
+    match &design.kind {
+        FilterDesign::Lead(design) => {
             let lead = design.lead();
             format!(
                 "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz{}",
@@ -41,7 +39,7 @@ pub fn in_short(design: &CompensatorDesign) -> String {
                 slew_in_short(design.slew_per_s())
             )
         }
-        CompensatorDesign::Inverse(inverse) => {
+        FilterDesign::Inverse(inverse) => {
             let (reference, range) = (inverse.design().reference(), inverse.range());
             let slew = slew_in_short(range.slew_per_s);
             format!(

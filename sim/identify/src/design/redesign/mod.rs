@@ -14,7 +14,7 @@ pub(super) mod sweep;
 pub use limits::Limit;
 pub use sweep::ChainBandwidth;
 
-use rotorlead_plant::{ActiveEffect, CompensatorDesign, LinearChain, Model, PlantError, Point};
+use rotorlead_plant::{ActiveEffect, CompensatorDesign, FilterDesign, LinearChain, Model, PlantError, Point};
 use serde::{Serialize, Serializer};
 
 use limits::Bound;
@@ -93,8 +93,8 @@ pub struct Compensated {
 /// The parameters of a compensator.
 fn parameters<S: Serializer>(design: &CompensatorDesign, serializer: S) -> Result<S::Ok, S::Error> {
     let loop_rate = ("loop_rate_hz", design.loop_rate_hz());
-    match design {
-        CompensatorDesign::Lead(design) => {
+    match &design.kind {
+        FilterDesign::Lead(design) => {
             let lead = design.lead();
             serializer.collect_map([
                 ("zero_rad_s", lead.omega_z_rad_s),
@@ -104,7 +104,7 @@ fn parameters<S: Serializer>(design: &CompensatorDesign, serializer: S) -> Resul
                 loop_rate,
             ])
         }
-        CompensatorDesign::Inverse(inverse) => {
+        FilterDesign::Inverse(inverse) => {
             let (reference, range) = (inverse.design().reference(), inverse.range());
             let slew = range.slew_per_s.map(|slew_per_s| ("slew_per_s", slew_per_s));
             let rest = [
@@ -171,6 +171,7 @@ pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -
         KindOptions::Lead(options) => CompensatorDesign::from(design(model, options)?),
         KindOptions::Inverse(options) => design_inverse(model, &limited(*options, &effects))?.compensator.into(),
     };
+    let full = full.designed_for(model);
     let remarks = effects.iter().filter_map(|effect| remarks::remark(effect, &full)).collect();
     let flown = flown(model, &effects);
     let full = compensated(&flown, full, options, progress)?;

@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
 use rotorlead::throttle::Command;
-use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model, PlantError};
+use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, FilterDesign, Law, Model, PlantError};
 use serde::Serialize;
 
 use crate::{Bandwidth, THREE_DB};
@@ -128,8 +128,8 @@ impl Sweep<'_> {
     /// line (what is slower than the sinusoid), cosine and sine.
     fn response(&self, omega_rad_s: f64) -> Result<Complex64, PlantError> {
         let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
-        let law = match self.design {
-            CompensatorDesign::Lead(_) if self.supply == 1.0 => Law::LinearAround(self.nominal),
+        let law = match self.design.kind {
+            FilterDesign::Lead(_) if self.supply == 1.0 => Law::LinearAround(self.nominal),
             _ => Law::FollowingSpeed(self.supply * self.nominal),
         };
         let mut actuator = Actuator::new(self.model, law, timing)?;
