@@ -27,6 +27,7 @@ mod outputs;
 #[cfg(unix)]
 mod promise;
 mod provenance;
+mod replaced;
 mod report_of_steps;
 mod reports;
 #[cfg(unix)]

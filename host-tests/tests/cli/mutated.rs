@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use rotorlead_records::files::Quantity;
 
 use crate::promise::{Broken, Kind, Trouble, hold};
-use crate::stand::{Stand, everything};
+use crate::stand::{MODEL, PLAN, Stand, everything};
 
 /// How long the tests run it.
 const SECONDS: u64 = 30;
@@ -292,6 +292,19 @@ fn good() -> Stand {
     stand
 }
 
+/// What an output of this name may take the place of.
+fn replaceable(name: &str) -> &'static str {
+    match name.rsplit('/').next() {
+        Some("j.json") => "{}",
+        Some("r.html") => "<!doctype html>\n<meta name=\"generator\" content=\"rotorlead 0\">\n",
+        Some("m.toml") => MODEL,
+        Some("c.toml") => "zero_rad_s = 1\n",
+        Some("p.toml") => PLAN,
+        Some("e.csv") => "time_s,command\n",
+        _ => unreachable!("no command writes {name}"),
+    }
+}
+
 /// One thing that is odd: a command, the file or the option that is, and what happens meanwhile.
 struct Try {
     stand: Stand,
@@ -339,10 +352,10 @@ impl Try {
             }
             .to_owned();
         }
-        // Half of the outputs are there already.
+        // Half of the outputs are there already, and most of these are such as the command may replace.
         for word in words.iter().filter(|word| word.starts_with(MADE) && word.contains('.')) {
             if random.random_bool(0.5) {
-                stand.write(word, "old");
+                stand.write(word, if seed.is_multiple_of(5) { "old" } else { replaceable(word) });
             }
         }
         let after = Duration::from_millis(random.random_range(1..120));

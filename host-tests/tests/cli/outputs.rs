@@ -84,8 +84,8 @@ fn two_outputs_have_two_places() {
 #[test]
 fn a_command_that_finds_no_room_leaves_all_outputs_as_they_were() {
     let stand = simulated();
-    stand.write("old.toml", "old");
-    stand.write("old.json", "old");
+    stand.write("old.toml", crate::stand::MODEL);
+    stand.write("old.json", "{}");
     for (blocks, arguments) in [
         (8, "identify sim --out old.toml --json old.json --figures found"),
         (8, "identify sim --out old.toml --report old.html"),

@@ -19,6 +19,7 @@ use super::bandwidth::counted_effects;
 use super::latency::{LatencyArguments, counted_delays};
 use super::outcome::{JsonOption, Outcome, without_mark};
 use super::parameters::{DesignArguments, PurposeOption};
+use super::replaced::written_to;
 use super::report_option::ReportOption;
 use super::report_pages;
 use rotorlead_answer::words::paragraph;
@@ -86,7 +87,7 @@ impl Design {
         for warning in warnings {
             writeln!(text, "{}", paragraph(warning, "  ")).expect("a string takes all");
         }
-        writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
+        writeln!(text, "{}", written_to(&self.out)).expect("a string takes all");
         text.push_str(&self.report.write(|| {
             let verdict = report_pages::designed(&compensator, points, warnings.len());
             Report {

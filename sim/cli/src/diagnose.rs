@@ -17,6 +17,7 @@ use serde_json::json;
 use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome};
 use super::redesign::RedesignArguments;
+use super::replaced::written_to;
 use super::report_option::ReportOption;
 use super::{WrongUse, progress, report_pages};
 use rotorlead_answer::words::wrapped;
@@ -99,7 +100,7 @@ impl Diagnose {
         let mut text = words(&found);
         if let Some(out) = &self.out_model {
             found.model.write(out)?;
-            writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
+            writeln!(text, "\n{}", written_to(out)).into_diagnostic()?;
         }
         if let Some(out) = &self.out_plan {
             text.push_str(&write_plan(&found, out)?);

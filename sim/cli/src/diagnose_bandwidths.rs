@@ -22,6 +22,7 @@ use serde_json::{Value, json};
 
 use super::outcome::Outcome;
 use super::parameters::number;
+use super::replaced::written_to;
 use super::report_option::ReportOption;
 use super::report_pages;
 use rotorlead_answer::words::wrapped;
@@ -108,7 +109,7 @@ impl BandwidthArguments {
                 records.push(table.display().to_string());
             }
             extended.write(out)?;
-            let _ = writeln!(text, "\nWritten to {}", out.display());
+            let _ = writeln!(text, "\n{}", written_to(out));
         }
         text.push_str(&report.write(|| {
             let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found));

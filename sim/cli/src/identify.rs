@@ -19,6 +19,7 @@ use super::identify_stand::{self, StandArguments};
 use super::log_arguments::with_other_excitation;
 use super::measured::Measured;
 use super::outcome::{JsonOption, Outcome};
+use super::replaced::written_to;
 use super::report_option::{ReportOption, this_command_with};
 use super::{WrongUse, progress, report_pages};
 
@@ -129,7 +130,7 @@ impl Identify {
 /// Where a model was written, or the command that writes it.
 pub(super) fn written(out: Option<&Path>) -> String {
     match out {
-        Some(out) => format!("Written to {}\n", out.display()),
+        Some(out) => format!("{}\n", written_to(out)),
         None => {
             let out = MissingOption { name: "--out", value: "model.toml".to_owned() };
             format!("To keep the model: {}\n", this_command_with(&[out]))

@@ -29,6 +29,7 @@ mod overwrite_guard;
 mod parameters;
 mod progress;
 mod redesign;
+mod replaced;
 mod report;
 mod report_option;
 mod report_pages;
@@ -61,6 +62,9 @@ pub struct Arguments {
     /// Print the detail too: distortion, static map, each record's fit, the integers of a compensator, where a residual lies
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     verbose: bool,
+    /// Let outputs replace files of another kind too
+    #[arg(long, global = true)]
+    force: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -107,7 +111,7 @@ impl Arguments {
     ///
     /// # Errors
     /// When help or version were asked for and cannot be printed; a [`WrongUse`] where outputs are in each other's place, or
-    /// in that of what is read.
+    /// in that of what is read; when an output would replace a file of another kind, and that is not forced.
     pub fn of_command_line() -> miette::Result<Self> {
         let matches = match command_line().try_get_matches() {
             Ok(matches) => matches,
@@ -118,7 +122,11 @@ impl Arguments {
             Err(wrong) => refuse(&wrong),
         };
         overwrite_guard::check(&command_line(), &matches)?;
-        Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| refuse(&error)))
+        let arguments = Self::from_arg_matches(&matches).unwrap_or_else(|error| refuse(&error));
+        if !arguments.force {
+            overwrite_guard::check_replaced(&command_line(), &matches)?;
+        }
+        Ok(arguments)
     }
 
     /// Runs the command that was asked for and prints what it says.

@@ -17,6 +17,7 @@ use serde::Serialize;
 use super::WrongUse;
 use super::parameters::{DesignArguments, number};
 use super::progress;
+use super::replaced::written_to;
 use rotorlead_answer::words::wrapped;
 
 /// Width of what is said.
@@ -110,9 +111,11 @@ impl RedesignArguments {
             Err(error) => not_designed(&error),
         };
         if let Some(out) = &self.out_compensator {
-            let is_written = redesigned.values.written;
-            let said = if is_written { "Written to" } else { "Nothing is written to" };
-            let _ = writeln!(redesigned.text, "\n{said} {}", out.display());
+            let said = match redesigned.values.written {
+                true => written_to(out),
+                false => format!("Nothing is written to {}", out.display()),
+            };
+            let _ = writeln!(redesigned.text, "\n{said}");
         }
         Ok(Some(redesigned))
     }

@@ -1,5 +1,6 @@
 //! TOML files with a `format` number, read strictly.
 
+use std::fs;
 use std::ops::Range;
 use std::path::Path;
 
@@ -48,6 +49,17 @@ impl TomlFile {
         file.check_lines()?;
         let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
         Ok((value, file))
+    }
+
+    /// What the file is, as people call it; `None` for what this program has nothing to do with.
+    #[must_use]
+    pub fn kind(path: &Path) -> Option<&'static str> {
+        if fs::metadata(path).ok()?.len() > LONGEST_TOML as u64 {
+            return None;
+        }
+        let text = TextFile::read(path).ok()?;
+        let root = DeTable::parse(text.text()).ok()?;
+        FileKind::of(|key| root.get_ref().contains_key(key)).map(|kind| kind.name)
     }
 
     /// The fault, shown in the text where its place is, or where the nearest place above it is.
@@ -160,8 +172,13 @@ struct FileKind {
 impl FileKind {
     /// In the order of the file: keys count where those before are not there.
     const ALL: &'static [Self] = &[
-        Self { keys: &["zero_rad_s"], name: "a compensator", source: "`rotorlead design` writes a compensator" },
+        Self {
+            keys: &["zero_rad_s", "natural_rad_s"],
+            name: "a compensator",
+            source: "`rotorlead design` writes a compensator",
+        },
         Self { keys: &["point"], name: "a model", source: "`rotorlead identify` writes a model" },
+        Self { keys: &["pole"], name: "a stand", source: "`rotorlead identify --stand` writes a stand" },
         Self { keys: &["roll"], name: "an airframe", source: "`docs/vehicle.md` has one to begin with" },
         Self {
             keys: &["output", "command"],
