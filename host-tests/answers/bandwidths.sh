@@ -34,6 +34,6 @@ nominal = 0.65
 gain = 16.1063
 time_constant_s = 0.0707839
 END
-rotorlead design --json 01-design.json --model model.toml --out c.toml
+rotorlead design --kind lead --json 01-design.json --model model.toml --out c.toml
 rotorlead diagnose --json 02-diagnose.json --bandwidths table3.csv --model model.toml --compensator c.toml --out-model improved.toml
 rotorlead bandwidth --json 03-bandwidth.json --model improved.toml --compensator c.toml

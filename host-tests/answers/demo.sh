@@ -1,5 +1,5 @@
 rotorlead demo --json 01-demo.json
-rotorlead design --json 02-design.json --model demo-out/model.toml --out compensator.toml
+rotorlead design --kind lead --json 02-design.json --model demo-out/model.toml --out compensator.toml
 rotorlead bandwidth --json 03-bandwidth.json --model demo-out/model.toml --compensator compensator.toml
 rotorlead simulate --model demo-out/model.toml --out plain
 rotorlead simulate --model demo-out/model.toml --compensator compensator.toml --out compensated

@@ -97,7 +97,7 @@ amplitude = 0.05
 lines = 150
 periods = 4
 END
-rotorlead design --json 06-design.json --model near_full.toml --out compensator.toml
+rotorlead design --kind lead --json 06-design.json --model near_full.toml --out compensator.toml
 rotorlead simulate --model near_full.toml --plan loud.toml --compensator compensator.toml --out loud
 rotorlead identify --json 07-identify.json loud --out model.toml
 cat > loop.awk <<'END'

@@ -41,7 +41,7 @@ END
 rotorlead simulate --model motor.toml --plan plan.toml --out run
 rotorlead identify --json 01-identify.json run --out model.toml
 rotorlead validate --json 02-validate.json run --model model.toml
-rotorlead design --json 03-design.json --model model.toml --out compensator.toml
+rotorlead design --kind lead --json 03-design.json --model model.toml --out compensator.toml
 rotorlead simulate --model motor.toml --plan plan.toml --compensator compensator.toml --out fast
 rotorlead bandwidth --json 04-bandwidth.json --model model.toml --compensator compensator.toml --records run --records fast
 cat > stairs.toml <<'END'

@@ -2,7 +2,7 @@ answers() {
   rotorlead import "$1" --excitation staircase --out "$2"
   rotorlead identify --json "$2-identify.json" "$2" --out "$2.toml"
   rotorlead validate --json "$2-validate.json" "$2" --model "$2.toml"
-  rotorlead design --json "$2-design.json" --model "$2.toml" --out "$2.compensator.toml"
+  rotorlead design --kind lead --json "$2-design.json" --model "$2.toml" --out "$2.compensator.toml"
   rotorlead bandwidth --json "$2-bandwidth.json" --model "$2.toml" --compensator "$2.compensator.toml"
   rotorlead diagnose --json "$2-diagnose.json" "$2"
 }

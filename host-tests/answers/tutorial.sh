@@ -80,6 +80,7 @@ rotorlead diagnose --json 05-diagnose.json bench --redesign --out-compensator co
 rotorlead simulate --model motor.toml --plan plan.toml --out again
 rotorlead identify --json 06-identify.json again --out model.toml
 rotorlead diagnose --json 07-diagnose.json again
-rotorlead design --json 08-design.json --model model.toml --out compensator.toml
+rotorlead design --kind lead --json 08-design.json --model model.toml --out compensator.toml
 rotorlead simulate --model model.toml --compensator compensator.toml --out proof
 rotorlead bandwidth --json 09-bandwidth.json --model model.toml --compensator compensator.toml --records again --records proof
+rotorlead design --json 10-design.json --model model.toml --out recommended.toml

@@ -192,6 +192,8 @@ fn verbose_adds_the_detail_alone_and_json_has_it_in_any_case() {
         ("validate sim --model found.toml", "Fit of each record"),
         ("design --kind lead --model found.toml --out c.toml", "pole radius"),
     ] {
+        // From here on it replaces what it has written.
+        stand.run(command);
         let (short, json) = (stand.run(&format!("{command} --json a.json")), stand.read("a.json"));
         let long = stand.run(&format!("{command} --json b.json --verbose"));
         assert!(!short.contains(detail) && long.contains(detail), "{command}:\n{long}");

@@ -52,7 +52,7 @@ fn a_log_gives_the_model_that_its_folder_gives() {
         let imported = stand.run(&format!("import {log} --out folder"));
         stand.run("identify folder --out of_folder.toml");
         let text = stand.run(&format!("identify {log} --out of_log.toml --verbose"));
-        assert_eq!(stand.read("of_log.toml"), stand.read("of_folder.toml"), "{name}");
+        assert_eq!(stand.model("of_log.toml"), stand.model("of_folder.toml"), "{name}");
         // What import says of the log is said.
         let (said, _) = imported.split_once("\nnote: ").unwrap_or((&imported, ""));
         assert!(said.contains("rows taken") && text.contains(said.trim()), "{name}: no\n{said}\nin\n{text}");
@@ -78,7 +78,7 @@ fn without_out_nothing_is_written_and_the_last_line_keeps_the_model() {
     let command = text.lines().last().unwrap().strip_prefix("To keep the model: ").unwrap().to_owned();
     assert_eq!(command, "rotorlead identify --excitation staircase 'a log.csv' --out model.toml");
     let kept = run_as_typed(&stand, &command);
-    assert!(kept.ends_with("\nWritten to model.toml\n"), "{kept}");
+    assert!(kept.ends_with("\nReplaced model.toml\n"), "{kept}");
     let shown = |text: &str| text.rsplit_once("\n\n").unwrap().0.to_owned();
     assert_eq!(shown(&text), shown(&kept), "nothing else changes");
     assert!(stand.read("model.toml").contains("time_constant_s"));
@@ -162,7 +162,7 @@ fn a_log_without_its_command_is_merged_at_once() {
     let align = "--align esc/f40_steps_5-2.csv";
     stand.run(&format!("identify apart {align} --out of_folder.toml"));
     stand.run(&format!("identify {} {align} --out of_log.toml", log.display()));
-    assert_eq!(stand.read("of_log.toml"), stand.read("of_folder.toml"));
+    assert_eq!(stand.model("of_log.toml"), stand.model("of_folder.toml"));
 }
 
 #[test]

@@ -100,9 +100,9 @@ fn what_was_merged_is_a_record_like_any_other() {
     assert_eq!(header.lines().next(), Some("time_s,command,rpm,voltage_v,current_a"));
     let manifest = stand.read("whole/experiment.toml");
     assert!(manifest.contains("nominal = 0.5") && manifest.contains("amplitude = 0.5"), "{manifest}");
-    let (merged, again) = (stand.read("a.toml"), {
+    let (merged, again) = (stand.model("a.toml"), {
         stand.run("identify whole --out b.toml");
-        stand.read("b.toml")
+        stand.model("b.toml")
     });
     assert_eq!(merged, again);
 }

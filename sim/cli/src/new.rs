@@ -23,8 +23,8 @@ const REHEARSAL: [&str; 6] = [
     "rotorlead check rehearsal",
     "rotorlead identify rehearsal --out rehearsed.toml",
     "rotorlead validate rehearsal --model rehearsed.toml",
-    "rotorlead design --model rehearsed.toml --out rehearsed-compensator.toml",
-    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-compensator.toml",
+    "rotorlead design --model rehearsed.toml --out rehearsed-filter.toml",
+    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-filter.toml",
 ];
 
 /// Makes the excitation of another level.

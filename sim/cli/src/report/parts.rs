@@ -15,7 +15,7 @@ use rotorlead_identify::{IdentifyOptions, MeasuredBandwidth, RecordValidation};
 use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
 use rotorlead_results::{DesignRequest, IdentifyResult, Kind, transform};
-use rotorlead_vehicle::{Purpose, Recommendation, design_options, recommend};
+use rotorlead_vehicle::{Purpose, Recommendation, design_options};
 
 use crate::bandwidth::RESAMPLES;
 use crate::{diagnose as diagnosis, progress, redesign as command};
@@ -65,7 +65,13 @@ impl Asked {
         }
         let recommendation = recommendation.ok_or("what to fly cannot be said of this model")?;
         let choice = recommendation.of(self.purpose);
-        let none = || format!("none is recommended for {}: {}", self.purpose.words(), choice.why);
+        let none = || {
+            format!(
+                "none is recommended for {}, as {}: --kind designs one all the same",
+                self.purpose.words(),
+                choice.why
+            )
+        };
         design_options(choice.actuator).ok_or_else(none)
     }
 }
@@ -116,7 +122,7 @@ impl Parts {
             (None, Ok(found)) => found.assessment.clone(),
             _ => assess(experiment, &model, NotCompared::default()),
         };
-        let Assessment { judgement, mut recommendation, records } = assessment;
+        let Assessment { judgement, recommendation, records } = assessment;
         let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
@@ -149,10 +155,6 @@ impl Parts {
         };
         let is_of_steps = identified.as_ref().is_ok_and(|found| found.identification.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
-        if let Some(extended) = &extended {
-            // Whether it is a lag with what was missing in it, the redesign says.
-            recommendation = recommend(extended, None).ok();
-        }
         let lowered_omega_g_rad_s = match asked.kind {
             Some(Kind::Lead) => lowered(extended.as_ref().unwrap_or(&model)),
             Some(Kind::Inverse) | None => None,
