@@ -75,6 +75,8 @@ fn every_command_says_the_same_of_a_motor() {
     fs::rename(stand.path("sim"), stand.path("stand")).unwrap();
     let judgement = judged_alike(&stand, "simulated");
     assert_eq!(judgement["state"], "ready", "{judgement}");
+    // The thorough search finds no more than the judgement does.
+    assert_eq!(stand.json("diagnose stand")["verdict"], "agrees");
 }
 
 #[test]

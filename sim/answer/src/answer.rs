@@ -49,15 +49,15 @@ impl Answer {
     /// For a terminal.
     #[must_use]
     pub fn text(&self) -> Text {
-        let tables = |weight: Weight| -> Vec<String> {
-            self.tables.iter().filter(|table| table.weight == weight).map(Table::text).collect()
+        let tables = |weights: &[Weight]| -> Vec<String> {
+            self.tables.iter().filter(|table| weights.contains(&table.weight)).map(Table::text).collect()
         };
         let findings = |findings: &[Finding]| -> String {
             findings.iter().map(|finding| paragraph(&format!("warning: {}", finding.sentence()), "  ")).collect()
         };
         let (first, folded) = self.findings.split_at(self.findings.len().min(MOST_FINDINGS));
         let said = || self.text.iter().map(|sentence| paragraph(sentence, "  ")).collect();
-        let shown = tables(Weight::Shown)
+        let shown = tables(&[Weight::Shown])
             .into_iter()
             .chain((!self.text.is_empty()).then(said))
             .chain((!first.is_empty()).then(|| findings(first)));
@@ -66,7 +66,9 @@ impl Answer {
             let warnings = if folded.len() == 1 { "warning" } else { "warnings" };
             shown += &format!("{} further {warnings} of less weight: --verbose prints what they say\n", folded.len());
         }
-        let detail = tables(Weight::Detail).into_iter().chain((!folded.is_empty()).then(|| findings(folded)));
+        let detail = tables(&[Weight::Detail, Weight::Terminal])
+            .into_iter()
+            .chain((!folded.is_empty()).then(|| findings(folded)));
         let mut detail = detail.collect::<Vec<_>>().join("\n");
         let sentences = &self.verdict.sentences;
         let (said, rest) = sentences.split_at(sentences.len().min(MOST_SENTENCES));
@@ -98,7 +100,7 @@ impl Answer {
     /// For a report.
     #[must_use]
     pub fn section(&self) -> Section {
-        let tables = self.tables.iter().filter(|table| table.weight != Weight::Programs);
+        let tables = self.tables.iter().filter(|table| !matches!(table.weight, Weight::Programs | Weight::Terminal));
         Section {
             text: self.text.clone(),
             tables: tables.cloned().collect(),

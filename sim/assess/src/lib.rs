@@ -10,16 +10,20 @@ mod residual;
 
 pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
+use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Judgement, Model, Word};
-use rotorlead_records::Experiment;
-use rotorlead_vehicle::{Recommendation, recommend};
+use rotorlead_records::{Experiment, Finding};
+use rotorlead_vehicle::{Asked, NOT_A_LAG, Recommendation, recommend};
 
 /// What a lag may miss of a response, percent, and still be one to design with: a step of 5 % is about the smallest that a compensator
 /// is asked to sharpen.
 const LARGEST_ERROR_PERCENT: f64 = 5.0;
 /// A time constant is known well enough to this part of it: by as much the gain of a lead at its zero is off, some 1 dB.
 const LARGEST_STD: f64 = 0.1;
+
+/// Why nothing is flown where units or signs are wrong.
+const IN_DOUBT: &str = "the numbers of the records are in doubt";
 
 /// A model beside records.
 #[derive(Clone, Debug)]
@@ -75,8 +79,10 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
     }
     claims.of_points(model);
     claims.0.extend(gain::lost(model).map(|limit| (Word::ReadyWithinLimits, limit)));
+    let in_doubt = claims.of_units(experiment);
     let judgement = claims.judgement();
-    let recommendation = recommend(model, Some(judgement.state)).ok();
+    let doubt = if in_doubt { Some(IN_DOUBT) } else { (judgement.state == Word::NotALag).then_some(NOT_A_LAG) };
+    let recommendation = recommend(model, doubt, &Asked::default()).ok();
     Assessment { judgement, recommendation, records }
 }
 
@@ -136,6 +142,17 @@ impl Claims {
             let reason = format!("{missed}: expect as much of what is built on it, or see `rotorlead diagnose`");
             self.add(Word::ReadyWithinLimits, reason);
         }
+    }
+
+    /// Of numbers that mean something else than their columns say, whether there are any.
+    fn of_units(&mut self, experiment: &Experiment) -> bool {
+        let mut findings = Findings::default();
+        experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
+        let grave = findings.sorted().into_iter().find(Finding::is_grave);
+        if let Some(finding) = &grave {
+            self.add(Word::MeasureAgain, format!("the numbers are in doubt: {}", finding.sentence()));
+        }
+        grave.is_some()
     }
 
     /// Of the operating points.

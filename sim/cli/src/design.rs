@@ -26,12 +26,12 @@ use rotorlead_answer::words::paragraph;
 
 /// Designs one compensator for all points of a model
 ///
-/// Without --kind it designs what is recommended for the purpose: what is better than none in the default vehicle, simulated with this
-/// motor (docs/judgement.md). Where nothing is, it says why and writes nothing. The zero of a lead is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g. An
-/// inverse (--kind inverse) makes the rotor equally fast at every point, with the limits of its command in its state; it is
-/// refused where a time constant is known too badly. Writes the parameters and the integers that a controller makes of them; refuses what its format cannot hold.
-/// Predicts the bandwidths and the phase of the whole chain as `rotorlead bandwidth` does, and warns where dead time makes
-/// the gained bandwidth worthless.
+/// Without --kind it designs what is recommended for the purpose: what is better than none in the default vehicle, simulated with
+/// this motor (docs/judgement.md). Where nothing is, it says why and writes nothing. The zero of a lead is put on the fastest pole of
+/// the model, and the two poles where the filter amplifies up to omega_g. An inverse (--kind inverse) makes the rotor equally fast
+/// at every point, with the limits of its command in its state; it is refused where a time constant is known too badly. Writes the
+/// parameters and the integers that a controller makes of them; refuses what its format cannot hold. Predicts the bandwidths and the
+/// phase of the whole chain as `rotorlead bandwidth` does, and warns where dead time makes the gained bandwidth worthless.
 #[derive(Args, Debug)]
 pub struct Design {
     /// The model, as `rotorlead identify` writes it

@@ -11,7 +11,7 @@ use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyOptions};
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::import::MissingOption;
 use rotorlead_records::{Experiment, Finding};
-use rotorlead_results::{IdentifyResult, excitation_section, flight_section, transform};
+use rotorlead_results::{IdentifyResult, excitation_section, flight_section, recommendation_table, transform};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};
@@ -111,11 +111,14 @@ impl Identify {
             let model = self.out.as_deref().map(|out| report_pages::file("Model", out));
             let facts =
                 [report_pages::records(&experiment, self.measured.path()), stand.into_iter().chain(model).collect()];
-            let recommended = found.assessment.recommendation.iter().map(flight_section);
+            let recommendation = &found.assessment.recommendation;
+            let recommended = recommendation.iter().map(flight_section);
+            let mut lags = answer.section();
+            lags.tables.extend(recommendation.iter().map(recommendation_table));
             Report {
                 facts: facts.concat(),
                 warnings: answer.warnings(),
-                sections: recommended.chain([answer.section(), excitation_section(&experiment)]).collect(),
+                sections: recommended.chain([lags, excitation_section(&experiment)]).collect(),
                 ..report_pages::report(
                     "Identification",
                     format!("Identification of {}", experiment.name),

@@ -17,7 +17,7 @@ pub fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<Str
     let whole = phase.compensated.phase_deg.map(|deg| format!(", and the phase of the whole chain is {deg:.0}"));
     let cell = |bandwidth| bandwidth_text(bandwidth, 1);
     Some(format!(
-        "warning: dead time makes the gained bandwidth worthless at {} of {} points. At u_nom {:.3} the compensator promises {} \
+        "warning: for a loop around the motor dead time makes the gained bandwidth worthless at {} of {} points. At u_nom {:.3} the compensator promises {} \
          rad/s instead of {}, but the dead time of {:.1} ms (model {:.1}, pulse in to pulse out {:.1}) alone lags {:.0} degrees \
          there{}. A controller can use the chain up to {} rad/s, where it lags 90 degrees ({} without the compensator). {}",
         lost.len(),
@@ -41,7 +41,7 @@ fn remedy(phase: &ChainPhase) -> &'static str {
     if phase.model_dead_time_s > phase.compensated.late_s {
         "Find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
          `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
-         --omega-g does not shorten it, but amplifies less noise above what can be used"
+         bandwidth does not shorten it, but amplifies less noise above what can be used"
     } else {
         "Use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
          --output-frame some percent above it"

@@ -154,9 +154,9 @@ pub fn flight_section(found: &Recommendation) -> Section {
     let response = Figure::new(
         FigureKind::FlightResponse,
         "Frequency response in the middle of the range",
-        "Motor and compensator over the static gain, for small signals. The bandwidth is where it is 3 dB down; a loop around it can \
+        "Motor and compensator relative to the static gain, for small signals. The bandwidth is where it is 3 dB down; a loop around it can \
          use it up to about -90 degrees.",
-        bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
+        bode(&curves, "dB relative to the static gain", &[("-3 dB", -3.0)]),
     );
     Section {
         text: to_fly(found).iter().map(|words| sentence(words)).collect(),

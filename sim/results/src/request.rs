@@ -3,8 +3,8 @@
 use miette::Diagnostic;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Setting};
-use rotorlead_plant::Model;
-use rotorlead_vehicle::{ActuatorKind, Choice, Purpose, Recommendation, VehicleError, recommend};
+use rotorlead_plant::{Model, Word};
+use rotorlead_vehicle::{ActuatorKind, Asked, Choice, NOT_A_LAG, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
 
 use super::design::Designed;
@@ -139,7 +139,9 @@ impl DesignRequest {
         if let Some(kind) = self.kind() {
             return Ok(Chosen { designed: Designed::of(model, &self.options(kind))?, recommendation: None });
         }
-        let recommendation = recommend(model, model.judgement().map(|judgement| judgement.state))?;
+        let is_none = model.judgement().is_some_and(|judgement| judgement.state == Word::NotALag);
+        let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
+        let recommendation = recommend(model, is_none.then_some(NOT_A_LAG), &asked)?;
         let choice = recommendation.of(purpose);
         let options = match choice.actuator {
             ActuatorKind::Lead => self.options(Kind::Lead),

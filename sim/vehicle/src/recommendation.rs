@@ -5,12 +5,13 @@
 
 use num_complex::Complex64;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+use rotorlead::design::LeadParameters;
 use rotorlead_identify::Bandwidth;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths, chain_phases, design, design_inverse,
 };
-use rotorlead_plant::{CompensatorDesign, Model, Point, Word};
+use rotorlead_plant::{CompensatorDesign, Model, Point};
 use serde::Serialize;
 
 use crate::actuator::{Actuator, ActuatorKind};
@@ -115,6 +116,8 @@ pub struct Candidate {
     pub is_limited: bool,
     /// The rate loop, tuned for the range of hover commands.
     pub rate_loop: Row,
+    /// Whether dead time takes what is gained from any loop around it, at every operating point.
+    pub is_gain_lost: bool,
     /// Largest gain on the noise of the command, at 15, 30 or 50 Hz.
     pub noise_gain: f64,
     /// Largest command over the step that asks for it.
@@ -136,11 +139,23 @@ impl Recommendation {
     }
 }
 
-/// What to fly on the motor of `model`, of which it was judged whether it is a lag.
+/// Why nothing is flown on a motor that is not a lag.
+pub const NOT_A_LAG: &str = "the motor is not a lag, and a compensator inverts one";
+
+/// What is asked of every compensator that is compared; the default of its kind where nothing is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// Damping ratio of the poles.
+    pub damping: Option<f64>,
+    /// Most by which the ESC changes its output per second.
+    pub slew_per_s: Option<f64>,
+}
+
+/// What to fly on the motor of `model`: nothing where there is a `doubt`.
 ///
 /// # Errors
 /// When the model cannot be simulated.
-pub fn recommend(model: &Model, judged: Option<Word>) -> Result<Recommendation, VehicleError> {
+pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Recommendation, VehicleError> {
     let first = model.points.first().map_or(0.0, |point| point.gain);
     let of_other_sign = |point: &&Point| first * point.gain <= 0.0;
     if let Some(&Point { nominal, gain, .. }) = model.points.iter().find(of_other_sign) {
@@ -154,36 +169,43 @@ pub fn recommend(model: &Model, judged: Option<Word>) -> Result<Recommendation, 
     let inverses = inverses.map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
     let (mut designed, mut refused) = (vec![(ActuatorKind::None, None)], Vec::new());
     for kind in std::iter::once(ActuatorKind::Lead).chain(inverses) {
-        match case.designed(kind) {
+        match case.designed(kind, asked) {
             Ok(design) => designed.push((kind, design)),
             Err(error) => refused.push(Refused { actuator: kind, reason: error.to_string() }),
         }
     }
-    // Of the bare motor any compensator's chain tells, where that is left out.
-    let any = designed.iter().find_map(|(_, design)| design.clone());
-    let candidate =
-        |(kind, design): (ActuatorKind, Option<CompensatorDesign>)| case.candidate(kind, design, any.as_ref());
+    let candidate = |(kind, design): (ActuatorKind, Option<CompensatorDesign>)| case.candidate(kind, design);
     let candidates: Vec<Candidate> = designed.into_par_iter().map(candidate).collect();
-    let (force, rate_loop) = if judged == Some(Word::NotALag) {
-        let why = "a compensator for a lag makes a motor worse that is none".to_owned();
-        let none = Choice { actuator: ActuatorKind::None, why };
-        (none.clone(), none)
-    } else {
-        (of_force(&candidates), of_rate_loop(&candidates))
+    let (force, rate_loop) = match doubt {
+        Some(why) => {
+            let none = Choice { actuator: ActuatorKind::None, why: why.to_owned() };
+            (none.clone(), none)
+        }
+        None => (of_force(&candidates), of_rate_loop(&candidates)),
     };
     Ok(Recommendation { force, rate_loop, candidates, refused })
 }
 
 /// What a design is asked for; `None` for what is not designed.
 #[must_use]
-pub fn design_options(kind: ActuatorKind) -> Option<KindOptions> {
+pub fn design_options(kind: ActuatorKind, asked: &Asked) -> Option<KindOptions> {
+    let Asked { damping, slew_per_s } = *asked;
     match kind {
         ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => None,
-        ActuatorKind::Lead => Some(KindOptions::Lead(DesignOptions::default())),
-        ActuatorKind::Inverse { omega_f_rad_s } => Some(KindOptions::Inverse(InverseOptions {
-            omega_f_rad_s: Some(omega_f_rad_s),
-            ..InverseOptions::default()
-        })),
+        ActuatorKind::Lead => {
+            let default = DesignOptions::default();
+            let damping = damping.unwrap_or(default.damping);
+            Some(KindOptions::Lead(DesignOptions { damping, slew_per_s, ..default }))
+        }
+        ActuatorKind::Inverse { omega_f_rad_s } => {
+            let default = InverseOptions::default();
+            Some(KindOptions::Inverse(InverseOptions {
+                omega_f_rad_s: Some(omega_f_rad_s),
+                damping: damping.unwrap_or(default.damping),
+                slew_per_s,
+                ..default
+            }))
+        }
     }
 }
 
@@ -205,21 +227,16 @@ struct Case<'a> {
 
 impl Case<'_> {
     /// What `rotorlead design` makes of the model.
-    fn designed(&self, kind: ActuatorKind) -> Result<Option<CompensatorDesign>, CompensatorError> {
-        Ok(match design_options(kind) {
+    fn designed(&self, kind: ActuatorKind, asked: &Asked) -> Result<Option<CompensatorDesign>, CompensatorError> {
+        Ok(match design_options(kind, asked) {
             None => None,
             Some(KindOptions::Lead(options)) => Some(design(self.model, &options)?.into()),
             Some(KindOptions::Inverse(options)) => Some(design_inverse(self.model, &options)?.compensator.into()),
         })
     }
 
-    fn candidate(
-        &self,
-        kind: ActuatorKind,
-        design: Option<CompensatorDesign>,
-        any: Option<&CompensatorDesign>,
-    ) -> Candidate {
-        let (bandwidth_rad_s, minus_90_rad_s) = self.of_chain(design.as_ref(), any);
+    fn candidate(&self, kind: ActuatorKind, design: Option<CompensatorDesign>) -> Candidate {
+        let (bandwidth_rad_s, minus_90_rad_s, is_gain_lost) = self.of_chain(design.as_ref());
         let noise_gain = design
             .as_ref()
             .map_or(1.0, |design| design.command_noise_gain().into_iter().map(|at| at.gain).fold(0.0, f64::max));
@@ -241,6 +258,7 @@ impl Case<'_> {
             rise_s: all().map(|step| step.rise_s).reduce(slower).flatten(),
             is_limited: all().any(|step| step.is_limited),
             rate_loop: self.rate_loop(&actuator),
+            is_gain_lost,
             noise_gain,
             step_peak,
             response: self.response(&actuator),
@@ -261,23 +279,24 @@ impl Case<'_> {
         (0..DRAWN_POINTS).map(at).collect()
     }
 
-    /// The lowest bandwidth of the operating points, and the lowest frequency at which the chain lags 90 degrees: with `design`, or
-    /// without one.
-    fn of_chain(
-        &self,
-        design: Option<&CompensatorDesign>,
-        any: Option<&CompensatorDesign>,
-    ) -> (Option<f64>, Option<f64>) {
-        let Some(of) = design.or(any) else { return (None, None) };
-        let chain = Chain::Designed(of);
+    /// The lowest bandwidth of the operating points, the lowest frequency at which the chain lags 90 degrees, and whether dead time
+    /// takes what is gained at every point: with `design`, or without one.
+    fn of_chain(&self, design: Option<&CompensatorDesign>) -> (Option<f64>, Option<f64>, bool) {
+        // Where none is designed any lead will do: it is left out.
+        let left_out = LeadParameters { omega_z_rad_s: 1.0, omega_f_rad_s: 1.0, damping: 1.0 };
+        let chain = design.map_or(Chain::Continuous(&left_out), Chain::Designed);
         let points = bandwidths(self.model, chain);
-        let phases = chain_phases(self.model, &[], chain, &Latency::standard(of.loop_rate_hz()), &points);
+        let phases = chain_phases(self.model, &[], chain, &Latency::standard(TICK_HZ), &points);
         let lowest = points.iter().zip(&phases).map(|(point, phase)| match design {
             Some(_) => (point.compensated, phase.compensated.minus_90),
             None => (point.uncompensated, phase.uncompensated.minus_90),
         });
         let least = |a: Option<f64>, b: Bandwidth| a.into_iter().chain(b.rad_s()).reduce(f64::min);
-        lowest.fold((None, None), |least_of, here| (least(least_of.0, here.0), least(least_of.1, here.1)))
+        let (bandwidth, minus_90) =
+            lowest.fold((None, None), |least_of, here| (least(least_of.0, here.0), least(least_of.1, here.1)));
+        let is_gain_lost =
+            design.is_some() && points.iter().zip(&phases).all(|(point, phase)| phase.is_gain_lost(point));
+        (bandwidth, minus_90, is_gain_lost)
     }
 
     /// The lowest command of the range, that of hover, and the highest.
@@ -336,7 +355,7 @@ impl Case<'_> {
     }
 }
 
-/// What became of a step.
+/// How a step ends.
 struct Step {
     rise_s: Option<f64>,
     is_limited: bool,
@@ -372,7 +391,7 @@ fn of_force(candidates: &[Candidate]) -> Choice {
 /// What is better than none by the rule of `rotorlead vehicle`, and has the highest bandwidth.
 fn of_rate_loop(candidates: &[Candidate]) -> Choice {
     let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
-    let better = others.iter().map(|one| &one.rate_loop);
+    let better = others.iter().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);
     let better = better.filter(|row| row.worth(&bare.rate_loop) == Some(Worth::Better));
     let bandwidth = |row: &&Row| row.performance.as_ref().map_or(0.0, |found| found.margins.bandwidth_rad_s);
     match better.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {
@@ -387,7 +406,8 @@ fn of_rate_loop(candidates: &[Candidate]) -> Choice {
         },
         None => Choice {
             actuator: ActuatorKind::None,
-            why: "none makes it better in bandwidth and against gusts, tuned again to the same margins".to_owned(),
+            why: "tuned again, none is better in bandwidth or against gusts without being worse in the other"
+                .to_owned(),
         },
     }
 }
@@ -400,7 +420,7 @@ mod tests {
 
     #[test]
     fn the_papers_motor_flies_with_an_inverse() {
-        let found = recommend(&table_1(), None).unwrap();
+        let found = recommend(&table_1(), None, &Asked::default()).unwrap();
         assert_eq!(found.candidates.len() + found.refused.len(), 5);
         // The faster ones take the command to its limit at a step of 5 %.
         assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 94.0 });
@@ -414,14 +434,14 @@ mod tests {
 
     #[test]
     fn nothing_is_flown_on_what_is_no_lag() {
-        let found = recommend(&table_1(), Some(Word::NotALag)).unwrap();
+        let found = recommend(&table_1(), Some(NOT_A_LAG), &Asked::default()).unwrap();
         assert_eq!((found.force.actuator, found.rate_loop.actuator), (ActuatorKind::None, ActuatorKind::None));
     }
 
     #[test]
     fn the_loop_around_a_motor_that_is_fast_needs_nothing() {
         let fast = model(&[(0.3, 8.0, 0.004, 0.0), (0.6, 8.0, 0.004, 0.0)]);
-        let found = recommend(&fast, None).unwrap();
+        let found = recommend(&fast, None, &Asked::default()).unwrap();
         assert_eq!(found.rate_loop.actuator, ActuatorKind::None, "{:?}", found.rate_loop);
         assert_eq!(found.refused.len(), 3, "no inverse makes it slower");
     }

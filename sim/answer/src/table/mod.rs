@@ -36,6 +36,8 @@ pub enum Weight {
     Shown,
     /// Whoever asks for the detail.
     Detail,
+    /// The same on a terminal; a report has it in another section.
+    Terminal,
     /// Programs alone.
     Programs,
 }

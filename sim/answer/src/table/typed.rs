@@ -150,7 +150,7 @@ mod tests {
         let rows =
             [Lag { tau_s: 0.0831, std_s: Some(0.0012), file: "a.csv" }, Lag { tau_s: 0.1, std_s: None, file: "b.csv" }];
         let table = table_of("lags", "Lags", &columns, &rows);
-        assert_eq!(table.text(), "Lags\n  record    tau (ms)\n  a.csv   83.1 +- 1.2\n  b.csv         100.0\n");
+        assert_eq!(table.text(), "Lags\n  record     tau (ms)\n  a.csv   83.1 +- 1.2\n  b.csv         100.0\n");
         assert_eq!(table.csv(), "file,tau_s,tau_s_std\na.csv,0.0831,0.0012\nb.csv,0.1,\n");
         let expected = serde_json::json!([
             { "file": "a.csv", "tau_s": 0.0831, "tau_s_std": 0.0012 },

@@ -67,12 +67,12 @@ impl Asked {
         let choice = recommendation.of(self.purpose);
         let none = || {
             format!(
-                "none is recommended for {}, as {}: --kind designs one all the same",
+                "none is recommended for {}, as {}. --kind designs one all the same",
                 self.purpose.words(),
                 choice.why
             )
         };
-        design_options(choice.actuator).ok_or_else(none)
+        design_options(choice.actuator, &Default::default()).ok_or_else(none)
     }
 }
 

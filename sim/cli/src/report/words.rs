@@ -11,7 +11,7 @@ use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
     JudgementValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section,
     flight_section, judged_verdict, lost_gain, measured_response, parameter_with_std, points_table,
-    simulation_and_experiment, to_fly_in_short, validation_answer,
+    recommendation_table, simulation_and_experiment, to_fly_in_short, validation_answer,
 };
 use serde_json::{Value, json};
 
@@ -82,6 +82,10 @@ impl Parts {
                 sections.push(bandwidth);
             }
             Err(reason) => sections.push(left_out("compensator", "Compensator", reason)),
+        }
+        let compensator = sections.iter_mut().find(|section| section.name == "compensator");
+        if let (Some(section), Some(found)) = (compensator, &self.recommendation) {
+            section.tables.insert(0, recommendation_table(found));
         }
         sections
     }

@@ -36,8 +36,10 @@ fn of_steps(fit: &StaircaseFit) -> String {
     };
     let (low, high) = fit.delay_s.interval(0.95);
     let most_ms = (1e3 * high).round();
-    let delay = if fit.delay_s.value <= 0.0 && most_ms >= 0.0 {
-        format!("no dead time ({:.0} ms at most)", most_ms.max(0.0))
+    let delay = if fit.delay_s.value <= 0.0 && most_ms < 0.0 {
+        format!("no dead time (the response is {:.0} ms ahead of its command)", -1e3 * fit.delay_s.value)
+    } else if fit.delay_s.value <= 0.0 {
+        format!("no dead time ({most_ms:.0} ms at most)")
     } else {
         format!("dead time {:.0} ms ({})", 1e3 * fit.delay_s.value, range_ms((low, high)))
     };
@@ -49,13 +51,15 @@ fn of_points(points: &[Point]) -> String {
     let (low, high) = extent(&points.iter().map(|point| point.nominal).collect::<Vec<f64>>());
     let delays: Vec<f64> = points.iter().map(|point| point.delay_s).collect();
     let delay = match extent(&delays) {
-        (_, longest) if longest > 0.0 => format!("dead time up to {:.1} ms", 1e3 * longest),
+        (_, longest) if longest > 0.0 => {
+            format!("dead time {}{:.1} ms", if points.len() > 1 { "up to " } else { "" }, 1e3 * longest)
+        }
         _ => "no dead time".to_owned(),
     };
     let fits: Vec<f64> = points.iter().filter_map(|point| point.fit_frequency_percent).collect();
     let fit = match extent(&fits) {
         _ if fits.is_empty() => String::new(),
-        (worst, _) => format!(", fit {worst:.1} % in frequency or better"),
+        (worst, _) => format!(", fit {worst:.1} % in frequency{}", if fits.len() > 1 { " or better" } else { "" }),
     };
     let at = if low < high { format!("at u_nom {low} to {high}") } else { format!("at u_nom {low}") };
     format!("{} {at}, {delay}{fit}", of_range("time constants", points.iter().map(tau)))

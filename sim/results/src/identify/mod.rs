@@ -106,7 +106,9 @@ impl IdentifyResult {
             // A static map is all that there is to say then.
             detail.iter_mut().for_each(|table| table.weight = Weight::Shown);
         }
-        detail.extend(recommendation.iter().map(|found| recommendation_table(found).in_detail()));
+        detail.extend(
+            recommendation.iter().map(|found| Table { weight: Weight::Terminal, ..recommendation_table(found) }),
+        );
         Answer {
             name: "identification",
             title: "Identified lags",
