@@ -447,7 +447,7 @@ fn a_design_that_the_controller_refuses_names_model_and_option() {
         ("--kind inverse --natural 1", "raise --natural"),
         ("--kind inverse --loop-rate 100000", "--loop-rate"),
         ("--kind inverse --slew 0.01", "raise --slew"),
-        ("--slew 0.01", "raise --slew"),
+        ("--kind lead --slew 0.01", "raise --slew"),
     ] {
         stand.refuses(&format!("design --model model.toml --out c.toml {arguments}"), 1, &["`model.toml`", part]);
         stand.refuses(&format!("bandwidth --model model.toml {arguments}"), 1, &["`model.toml`", part]);

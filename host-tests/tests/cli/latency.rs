@@ -105,7 +105,7 @@ fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
             format!("whole chain is {:.0}", number(fast, "compensated_phase_deg")),
             format!("up to {:.1} rad/s, where it lags 90 degrees", number(fast, "compensated_minus_90_rad_s")),
             "record again".to_owned(),
-            "--omega-g".to_owned(),
+            "A lower bandwidth does not shorten it".to_owned(),
         ] {
             assert!(warning.contains(&part), "no `{part}` in {warning}");
         }

@@ -31,11 +31,7 @@ fn for_what_is_no_lag_nothing_is_designed_unless_a_kind_is_asked_for() {
     stand.refuses(
         "design --model paper.toml --out c.toml",
         1,
-        &[
-            "no compensator is recommended for a force",
-            "a compensator for a lag makes a motor worse",
-            "`lead` or `inverse`",
-        ],
+        &["no compensator is recommended for a force", "the motor is not a lag", "`lead` or `inverse`"],
     );
     assert!(!stand.path("c.toml").exists());
     let text = stand.run("design --kind inverse --model paper.toml --out c.toml");

@@ -179,7 +179,7 @@ impl SettingName {
 pub fn number(quantity: Quantity) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
     move |text| {
         let value = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
-        quantity.accept(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
+        quantity.accept_given(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
     }
 }
 

@@ -207,6 +207,18 @@ impl Quantity {
         (value.abs() <= most).then_some(()).ok_or_else(fault)
     }
 
+    /// Accepts a number of the range that somebody gives: a command next to nothing is a slip.
+    ///
+    /// # Errors
+    /// What it is not, and what to give.
+    pub fn accept_given(&self, value: f64) -> Result<(), (String, String)> {
+        if *self == Self::DUTY && value > 0.0 && value < FINEST_DUTY {
+            let help = format!("give 0, or a value from {FINEST_DUTY} to 1: an ESC resolves 1/2000");
+            return Err((format!("{} is next to nothing", shown(value)), help));
+        }
+        self.accept(value)
+    }
+
     /// Accepts a number of the range.
     ///
     /// # Errors
@@ -265,11 +277,7 @@ impl Place {
             // A key may mean another thing in another table.
             Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::of(key))
         };
-        if *quantity == Quantity::DUTY && value > 0.0 && value < FINEST_DUTY {
-            let help = format!("give 0, or a value from {FINEST_DUTY} to 1: an ESC resolves 1/2000");
-            return Err(self.fault(format!("{} is next to nothing", shown(value)), help));
-        }
-        quantity.accept(value).map_err(|(message, help)| self.fault(message, help))
+        quantity.accept_given(value).map_err(|(message, help)| self.fault(message, help))
     }
 
     /// Accepts any number that has digits.
