@@ -132,7 +132,7 @@ class Errors(Stand):
         self.assert_refused(["`point` 1, `time_constant_s`: NaN"], rotorlead.design, {"point": [point]})
         self.assert_refused(["the model has no point"], rotorlead.simulate, {"format": 1})
         self.assert_refused(["missing field `seed`"], rotorlead.simulate, "model.toml", {"name": "a plan"})
-        lead = rotorlead.design("model.toml")["compensator"]
+        lead = rotorlead.design("model.toml", kind="lead")["compensator"]
         lead["coefficients"]["k"] += 1
         self.assert_refused(["is stored, but the parameters give"], rotorlead.simulate, "model.toml", compensator=lead)
 

@@ -38,7 +38,7 @@ const SEED: u64 = 1;
 /// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
 ///
 /// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
-/// --compensator one is designed from the model, as `rotorlead design` would. Beside each stands the phase there of the
+/// --compensator a lead is designed from the model, as `rotorlead design --kind lead` would. Beside each stands the phase there of the
 /// whole chain, from the flight controller's pulse to the response, and the frequency at which that phase is -90 degrees:
 /// the crossover of a rate controller has to lie below. Warns where dead time makes the gained bandwidth worthless: at the new
 /// bandwidth it lags more than 1 rad alone, and the whole chain more than 90 degrees. Warns too where the compensator's file

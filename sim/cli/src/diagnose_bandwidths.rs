@@ -37,7 +37,7 @@ pub struct BandwidthArguments {
     /// compensated_rad_s, in which a bandwidth that was not measured is left empty
     #[arg(long, value_name = "FILE", requires = "model")]
     bandwidths: Option<PathBuf>,
-    /// The compensator with which the bandwidths were measured; the one that `rotorlead design` makes of the model unless given
+    /// The compensator with which the bandwidths were measured; the lead that `rotorlead design` makes of the model unless given
     #[arg(long, value_name = "FILE", conflicts_with = "experiment")]
     compensator: Option<PathBuf>,
     /// The column that numbers are fitted to; the other one is held out, and only predicted
