@@ -73,7 +73,7 @@ fn help_says_units_and_defaults() {
         ("validate", &["%", "experiment's folder"]),
         ("design", &["<RAD_S>", "rad/s", "<HZ>", "5000 Hz unless given", "1/sqrt(2) unless given"]),
         ("vehicle", &["a quadrotor of 450 mm unless given", "Table 1 unless given", "docs/vehicle.md"]),
-        ("bandwidth", &["3 dB", "rad/s", "<HZ>", "one is designed from the model"]),
+        ("bandwidth", &["3 dB", "rad/s", "<HZ>", "a lead is designed from the model"]),
     ] {
         let help = flowing(&Stand::new().run(&format!("{command} --help")));
         for part in parts {

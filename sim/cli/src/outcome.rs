@@ -143,13 +143,13 @@ impl JsonOption {
 
     /// Runs what has an outcome and prints it, or writes it, or both. Files that it writes are all replaced, or none is.
     pub fn say(&self, run: impl FnOnce() -> miette::Result<Outcome>, verbosity: Verbosity) -> miette::Result<()> {
-        let outcome = all_or_nothing(|| {
+        all_or_nothing(|| {
             let outcome = run()?;
             outcome.check()?;
             self.write(&outcome)?;
-            Ok::<_, miette::Report>(outcome)
-        })?;
-        self.print(&outcome, verbosity)
+            // What cannot be printed has failed, and leaves the files as they were.
+            self.print(&outcome, verbosity)
+        })
     }
 
     /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
