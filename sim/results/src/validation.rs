@@ -149,8 +149,7 @@ fn figures_of(record: &RecordValidation, output: Output) -> Figure {
 }
 
 /// The score of each record.
-#[must_use]
-pub fn validation_scores(records: &[RecordValidation]) -> Table {
+fn validation_scores(records: &[RecordValidation]) -> Table {
     let any_compensated = records.iter().any(|record| record.compensated);
     let row = |record: &RecordValidation| {
         let in_domain = match record.domain() {
@@ -203,8 +202,7 @@ pub fn validation_scores(records: &[RecordValidation]) -> Table {
 }
 
 /// By nominal command, as the paper's Table 2; `None` without multisines and squares.
-#[must_use]
-pub fn validation_by_nominal(records: &[RecordValidation]) -> Option<Table> {
+fn validation_by_nominal(records: &[RecordValidation]) -> Option<Table> {
     let row = |row: &TableRow| {
         let pair = |found: Option<FitBesideCeiling>| {
             let ceiling = found.and_then(|found| found.ceiling_percent);

@@ -426,6 +426,13 @@ mod tests {
         assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 94.0 });
         assert!(found.candidates[3].is_limited && !found.candidates[2].is_limited);
         assert_eq!(found.rate_loop.actuator, ActuatorKind::Inverse { omega_f_rad_s: 200.0 });
+        // What the README says of them.
+        let costs = |one: &Candidate| (one.noise_gain.round(), one.step_peak.round());
+        assert_eq!((costs(&found.candidates[2]), costs(&found.candidates[4])), ((10.0, 7.0), (22.0, 15.0)));
+        let bandwidths = [0, 1, 2].map(|index| found.candidates[index].bandwidth_rad_s.unwrap().round());
+        assert_eq!(bandwidths, [6.0, 8.0, 92.0]);
+        let rise_s = |index: usize| found.candidates[index].rise_s.unwrap();
+        assert!(rise_s(2) < 0.1 * rise_s(0) && rise_s(2) < 0.025, "{} s", rise_s(2));
         let bare = &found.candidates[0];
         let slowest = 0.8 * 0.5 * (0.4 + 0.65);
         let tau_s = 1.0 / Rotor::new(&table_1()).unwrap().pole_rad_s(slowest);
