@@ -4,16 +4,20 @@
 //! reasons. `rotorlead identify` writes the word into the model's file, where commands without records find it. The rules
 //! are in `docs/judgement.md`.
 
+mod comparison;
 mod gain;
+mod other_output;
 mod ramp;
 mod residual;
 
+pub use comparison::{Compared, ComparisonError, Difference, Quantity, compare};
+pub use other_output::OtherOutput;
 pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
-use rotorlead_identify::check::{Findings, of_record};
+use rotorlead_identify::check::{Findings, of_lag, of_record};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Judgement, Model, Word};
-use rotorlead_records::{Experiment, Finding};
+use rotorlead_records::{Experiment, Topic};
 use rotorlead_vehicle::{Asked, NOT_A_LAG, Recommendation, recommend};
 
 /// What a lag may miss of a response, percent, and still be one to design with: a step of 5 % is about the smallest that a compensator
@@ -32,6 +36,8 @@ pub struct Assessment {
     pub judgement: Judgement,
     /// What to fly on the motor; `None` where there is no lag, or none that can be simulated.
     pub recommendation: Option<Recommendation>,
+    /// Thrust beside speed, where a record of steps has both.
+    pub other_output: Option<OtherOutput>,
     /// How well it explains each record.
     pub records: Result<Vec<RecordValidation>, IdentifyError>,
 }
@@ -57,6 +63,7 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
         return Assessment {
             judgement: claims.judgement(),
             recommendation: None,
+            other_output: None,
             records: validate(experiment, model),
         };
     }
@@ -79,11 +86,13 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
     }
     claims.of_points(model);
     claims.0.extend(gain::lost(model).map(|limit| (Word::ReadyWithinLimits, limit)));
-    let in_doubt = claims.of_units(experiment);
+    let in_doubt = claims.of_findings(experiment, model);
+    let other_output = records.is_ok().then(|| OtherOutput::of(experiment, model)).flatten();
+    claims.0.extend(other_output.iter().filter_map(OtherOutput::limit).map(|limit| (Word::ReadyWithinLimits, limit)));
     let judgement = claims.judgement();
     let doubt = if in_doubt { Some(IN_DOUBT) } else { (judgement.state == Word::NotALag).then_some(NOT_A_LAG) };
     let recommendation = recommend(model, doubt, &Asked::default()).ok();
-    Assessment { judgement, recommendation, records }
+    Assessment { judgement, recommendation, other_output, records }
 }
 
 /// What speaks against a model, each with the best word that it leaves.
@@ -144,13 +153,23 @@ impl Claims {
         }
     }
 
-    /// Of numbers that mean something else than their columns say, whether there are any.
-    fn of_units(&mut self, experiment: &Experiment) -> bool {
+    /// Of what `rotorlead check` finds in the records, whether any number means something else than its column says.
+    fn of_findings(&mut self, experiment: &Experiment, model: &Model) -> bool {
         let mut findings = Findings::default();
-        experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
-        let grave = findings.sorted().into_iter().find(Finding::is_grave);
-        if let Some(finding) = &grave {
+        for record in &experiment.records {
+            findings.extend(of_record(experiment, record, false));
+            findings.extend(of_lag(record, &model.points));
+        }
+        let findings = findings.sorted();
+        let grave = findings.iter().find(|finding| finding.is_grave());
+        if let Some(finding) = grave {
             self.add(Word::MeasureAgain, format!("the numbers are in doubt: {}", finding.sentence()));
+        }
+        // One of each: records of one logger have the same faults.
+        for topic in [Topic::Sampling, Topic::Response] {
+            if let Some(finding) = findings.iter().find(|finding| finding.topic == topic) {
+                self.add(Word::ReadyWithinLimits, finding.sentence());
+            }
         }
         grave.is_some()
     }

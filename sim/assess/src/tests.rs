@@ -105,3 +105,56 @@ fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
     let no_lag = Model { points: Vec::new(), ..model };
     assert!(assess(&other, &no_lag, NotCompared::default()).judgement.limits[0].contains("static map alone"));
 }
+
+#[test]
+fn a_sensor_that_repeats_its_readings_is_a_limit() {
+    let mut experiment = stand("");
+    for record in &mut experiment.records {
+        let thrust_n = record.thrust_n.as_mut().unwrap();
+        (0..thrust_n.len()).for_each(|row| thrust_n[row] = thrust_n[row / 4 * 4]);
+    }
+    let judgement = judged(&experiment);
+    assert_ne!(judgement.state, Word::Ready, "{judgement:?}");
+    assert!(judgement.limits.iter().any(|limit| limit.contains("50 readings a second")), "{judgement:?}");
+}
+
+/// A staircase of a motor of 50 ms, whose thrust passes a filter of `filter_s`.
+fn staircase(filter_s: f64) -> Experiment {
+    const ROWS_PER_S: f64 = 1000.0;
+    let levels = [0.3, 0.45, 0.6, 0.45, 0.3];
+    let noise = |row: usize| ((row as f64 * 12.9898).sin() * 43_758.545_3).fract() - 0.5;
+    let command: Vec<f64> = levels.iter().flat_map(|level| vec![*level; 1000]).collect();
+    let follow = |input: &[f64], time_constant_s: f64| -> Vec<f64> {
+        let mut state = input[0];
+        let share = (1.0 / (ROWS_PER_S * time_constant_s)).min(1.0);
+        input
+            .iter()
+            .map(|value| {
+                state += share * (value - state);
+                state
+            })
+            .collect()
+    };
+    let speed = follow(&command, 0.05);
+    let thrust = follow(&speed, filter_s);
+    let mut experiment = stand("");
+    let mut record = experiment.records.swap_remove(0);
+    record.file = "stairs.csv".to_owned();
+    record.excitation = rotorlead_records::Excitation::Staircase;
+    (record.period_s, record.amplitude, record.role, record.nominal) = (None, None, None, 0.45);
+    record.time_s = (0..command.len()).map(|row| row as f64 / ROWS_PER_S).collect();
+    record.rpm = Some(speed.iter().enumerate().map(|(row, value)| 1e4 * value + noise(row)).collect());
+    record.thrust_n = Some(thrust.iter().enumerate().map(|(row, value)| 10.0 * value + 1e-3 * noise(row)).collect());
+    record.command = command;
+    Experiment { records: vec![record], sample_rate_hz: Some(ROWS_PER_S), ..experiment }
+}
+
+#[test]
+fn a_thrust_that_lags_behind_its_speed_is_a_limit() {
+    let says =
+        |filter_s| judged(&staircase(filter_s)).limits.into_iter().find(|limit| limit.contains("behind its speed"));
+    // A filter of 20 ms behind a motor of 50 ms.
+    let limit = says(0.02).unwrap();
+    assert!(limit.starts_with("thrust comes 2") || limit.starts_with("thrust comes 1"), "{limit}");
+    assert_eq!(says(0.001), None);
+}

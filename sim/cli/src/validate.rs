@@ -40,7 +40,7 @@ impl Validate {
         let (experiment, records, judgement, recommendation) =
             progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
                 let experiment = Experiment::read(&self.experiment)?;
-                let Assessment { judgement, recommendation, records } =
+                let Assessment { judgement, recommendation, records, .. } =
                     assess(&experiment, &model, NotCompared::default());
                 let records = records.map_err(miette::Report::from).wrap_err_with(|| {
                     format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())

@@ -4,6 +4,7 @@
 
 mod bandwidths;
 mod catalog;
+mod comparison;
 mod design;
 mod diagnose;
 mod distortion;
@@ -25,6 +26,7 @@ pub use bandwidths::{
     BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_text, bandwidth_values, measured_table,
 };
 pub use catalog::{catalog_markdown, with_catalog};
+pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, DesignValues, Designed, judged, of_another_model, setting_name};
 pub use diagnose::diagnosis_json;
 pub use distortion::DistortionValues;

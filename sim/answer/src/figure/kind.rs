@@ -42,6 +42,8 @@ pub enum FigureKind {
     Steps,
     /// Time constants over operating points.
     TimeConstants,
+    /// Time constants of two models.
+    ComparedLags,
     /// Where a model is wrong.
     Where,
     /// What each effect, tried alone, explains.
@@ -64,7 +66,7 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::FlightStep,
         Self::FlightResponse,
         Self::Record,
@@ -72,6 +74,7 @@ impl FigureKind {
         Self::StaticMap,
         Self::Steps,
         Self::TimeConstants,
+        Self::ComparedLags,
         Self::StandResponse,
         Self::PoleZeroMap,
         Self::Responses,
@@ -118,6 +121,7 @@ impl FigureKind {
             Self::Record => "record",
             Self::Steps => "steps",
             Self::TimeConstants => "time_constants",
+            Self::ComparedLags => "compared_time_constants",
             Self::Where => "where",
             Self::Candidates => "candidates",
             Self::Gap => "gap",

@@ -35,6 +35,8 @@ pub enum Datum {
 impl Unit {
     /// Milliseconds of seconds.
     pub const MILLISECONDS: Self = Self { symbol: "ms", scale: 1e3 };
+    /// Percent of a share.
+    pub const PERCENT_OF_SHARE: Self = Self { symbol: "%", scale: 1e2 };
 
     /// A unit that is shown as it is.
     #[must_use]

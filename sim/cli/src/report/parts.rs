@@ -122,7 +122,7 @@ impl Parts {
             (None, Ok(found)) => found.assessment.clone(),
             _ => assess(experiment, &model, NotCompared::default()),
         };
-        let Assessment { judgement, recommendation, records } = assessment;
+        let Assessment { judgement, recommendation, records, .. } = assessment;
         let validated = records.map_err(|error| said(&error.into()));
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));

@@ -5,7 +5,6 @@ mod headline;
 mod intervals;
 mod laws;
 mod map;
-mod other_output;
 mod tables;
 
 pub use tables::points_table;
@@ -27,7 +26,6 @@ use serde_json::{Map, Value, json};
 use self::chirp::ChirpValues;
 use self::headline::headline;
 use self::intervals::intervals;
-use self::other_output::OtherOutput;
 use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
@@ -40,8 +38,6 @@ pub struct IdentifyResult {
     pub identification: Identification,
     /// One lag beside one that depends on the speed, of steps.
     pub laws: Option<LawComparison>,
-    /// The lag of the column that is not the response, of steps.
-    pub other_output: Option<OtherOutput>,
     /// Whether a compensator may be built on the model, and what to fly.
     pub assessment: Assessment,
     /// What the user should know of it.
@@ -83,13 +79,7 @@ impl IdentifyResult {
             findings.push(Finding::warning(message, None));
             None
         });
-        Ok(Self {
-            laws,
-            other_output: in_time.and_then(|fit| OtherOutput::of(experiment, fit)),
-            assessment,
-            findings,
-            identification,
-        })
+        Ok(Self { laws, assessment, findings, identification })
     }
 
     /// The answer. What is not known is null for programs.
@@ -123,10 +113,10 @@ impl IdentifyResult {
 
     /// The lag, whether a compensator may be built on it, what to fly, and what speaks against it.
     fn verdict(&self, output: Output) -> Verdict {
-        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        let Assessment { judgement, recommendation, other_output, .. } = &self.assessment;
         let (first, others) = judgement.limits.split_at(judgement.limits.len().min(1));
         let to_fly = recommendation.iter().map(to_fly_in_short);
-        let other_output = self.other_output.iter().map(|other| other.sentence(output));
+        let other_output = other_output.iter().map(|other| other.sentence(output));
         let sentences = first.iter().cloned().chain(to_fly).chain(others.iter().cloned()).chain(other_output);
         let sentences = sentences.map(|words| sentence(&words)).collect();
         Verdict::new(tone(judgement.state), headline(&self.identification, judgement)).with(sentences)
@@ -142,7 +132,7 @@ impl IdentifyResult {
         let values = json!({
             "judgement": judgement,
             "output": output,
-            "other_output": self.other_output,
+            "other_output": self.assessment.other_output,
             "detail": identified.lags.in_time(),
             "distortion": in_frequency.filter(|_| chirps.is_none()).map(distortion),
             "intervals": in_frequency.map(intervals),
