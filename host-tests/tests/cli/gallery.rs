@@ -83,6 +83,7 @@ const ROWS: [&[Case]; 4] = [
         succeeding("simulate --model curved.toml --plan stairs-plan.toml --out stairs"),
         opened("report stairs --out stairs.html"),
         opened("identify stairs --out stairs.toml"),
+        opened("compare found.toml stairs.toml"),
     ],
     &[
         succeeding("import rcbenchmark.csv --out rc"),

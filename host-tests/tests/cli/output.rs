@@ -71,6 +71,7 @@ fn help_says_units_and_defaults() {
         ),
         ("identify", &["[default: auto]", "experiment's folder"]),
         ("validate", &["%", "experiment's folder"]),
+        ("compare", &["95 %", "a model, an experiment's folder, or a log"]),
         ("design", &["<RAD_S>", "rad/s", "<HZ>", "5000 Hz unless given", "1/sqrt(2) unless given"]),
         ("vehicle", &["a quadrotor of 450 mm unless given", "Table 1 unless given", "docs/vehicle.md"]),
         ("bandwidth", &["3 dB", "rad/s", "<HZ>", "a lead is designed from the model"]),

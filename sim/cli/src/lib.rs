@@ -3,6 +3,7 @@
 
 mod bandwidth;
 mod check;
+mod compare;
 mod completions;
 mod demo;
 mod design;
@@ -94,6 +95,7 @@ enum Command {
     Check(check::Check),
     Identify(identify::Identify),
     Validate(validate::Validate),
+    Compare(compare::Compare),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
     Vehicle(vehicle::Vehicle),
@@ -156,6 +158,7 @@ impl Arguments {
             Command::Import(command) => say(&command.json, Some(&command.out), &|| command.run()),
             Command::Identify(command) => say(&command.json, None, &|| command.run()),
             Command::Validate(command) => say(&command.json, None, &|| command.run()),
+            Command::Compare(command) => say(&command.json, None, &|| command.run()),
             Command::Design(command) => say(&command.json, None, &|| command.run()),
             Command::Bandwidth(command) => say(&command.json, None, &|| command.run()),
             Command::Vehicle(command) => say(&command.json, None, &|| command.run()),

@@ -21,6 +21,13 @@ pub struct Measured {
     /// The experiment's folder, or a log that `rotorlead import` takes
     #[arg(value_name = "DIR|LOG")]
     experiment: PathBuf,
+    #[command(flatten)]
+    reader: Reader,
+}
+
+/// How an experiment or a log is read.
+#[derive(Args, Debug)]
+pub struct Reader {
     /// Which column is the response; what the experiment says, or the log shows, unless given
     #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
     output: Option<Output>,
@@ -49,29 +56,64 @@ impl Measured {
 
     /// Where the experiment has to be in a folder, that.
     pub fn folder(&self) -> Result<&Path, WrongUse> {
-        // Of what is not there, that is said.
-        if self.experiment.exists() {
-            self.log.refuse_with(&self.experiment)?;
-        }
-        Ok(&self.experiment)
+        self.reader.folder(&self.experiment)
     }
 
     /// Reads it. Multisine records whose file is longer than `longest` bytes stay on disk.
     pub fn read(&self, longest: u64) -> miette::Result<Reading> {
-        if self.is_log() {
-            return self.read_log(true);
-        }
-        let (experiment, long) = Experiment::read_leaving(self.folder()?, longest)?;
-        Ok(Reading { experiment, long, text: String::new(), detail: String::new(), logs: None })
+        self.reader.read(&self.experiment, longest)
     }
 
     /// Reads it where the commands were logged apart: they are zero.
     pub fn read_responses(&self) -> miette::Result<Reading> {
-        if self.is_log() {
-            return self.read_log(false);
+        if is_log(&self.experiment) {
+            return self.reader.read_log(&self.experiment, false);
         }
         let experiment = Experiment::read_responses(self.folder()?)?;
         Ok(Reading { experiment, long: Vec::new(), text: String::new(), detail: String::new(), logs: None })
+    }
+
+    /// Makes the response the one that is asked for. One that was not taken is refused.
+    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), WrongUse> {
+        self.reader.choose_output(experiment)
+    }
+
+    /// What other commands take in its place: the folder, of a log the one that [`Self::import_command`] makes.
+    pub fn as_folder(&self) -> &Path {
+        if is_log(&self.experiment) { Path::new(FOLDER) } else { &self.experiment }
+    }
+
+    /// The command that makes a folder of a log.
+    pub fn import_command(&self) -> Option<String> {
+        let words = ["import".to_owned(), self.experiment.display().to_string()];
+        let out = ["--out".to_owned(), FOLDER.to_owned()];
+        is_log(&self.experiment).then(|| typed(words.into_iter().chain(LogArguments::as_typed()).chain(out)))
+    }
+}
+
+impl Reader {
+    fn folder<'a>(&self, path: &'a Path) -> Result<&'a Path, WrongUse> {
+        if is_toml(path) {
+            let message = format!("`{}` is neither an experiment's folder nor a log", path.display());
+            return Err(WrongUse::new(
+                message,
+                "give the folder that the records lie in with their experiment.toml, or a log",
+            ));
+        }
+        // Of what is not there, that is said.
+        if path.exists() {
+            self.log.refuse_with(path)?;
+        }
+        Ok(path)
+    }
+
+    /// Reads what is at `path`. Multisine records whose file is longer than `longest` bytes stay on disk.
+    pub fn read(&self, path: &Path, longest: u64) -> miette::Result<Reading> {
+        if is_log(path) {
+            return self.read_log(path, true);
+        }
+        let (experiment, long) = Experiment::read_leaving(self.folder(path)?, longest)?;
+        Ok(Reading { experiment, long, text: String::new(), detail: String::new(), logs: None })
     }
 
     /// Makes the response the one that is asked for. One that was not taken is refused.
@@ -86,28 +128,10 @@ impl Measured {
         })
     }
 
-    /// What other commands take in its place: the folder, of a log the one that [`Self::import_command`] makes.
-    pub fn as_folder(&self) -> &Path {
-        if self.is_log() { Path::new(FOLDER) } else { &self.experiment }
-    }
-
-    /// The command that makes a folder of a log.
-    pub fn import_command(&self) -> Option<String> {
-        let words = ["import".to_owned(), self.experiment.display().to_string()];
-        let out = ["--out".to_owned(), FOLDER.to_owned()];
-        self.is_log().then(|| typed(words.into_iter().chain(LogArguments::as_typed()).chain(out)))
-    }
-
-    /// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.
-    fn is_log(&self) -> bool {
-        let is_file = self.experiment.exists() && !self.experiment.is_dir();
-        is_file && self.experiment.extension().is_none_or(|end| end != "toml")
-    }
-
-    fn read_log(&self, with_command: bool) -> miette::Result<Reading> {
+    fn read_log(&self, path: &Path, with_command: bool) -> miette::Result<Reading> {
         let options = ImportOptions { output: self.output, without_command: !with_command, ..self.log.options() };
         // The command has a bar of its own.
-        let logs = self.log.read(slice::from_ref(&self.experiment), &options, &ProgressBar::hidden())?;
+        let logs = self.log.read(slice::from_ref(&path.to_owned()), &options, &ProgressBar::hidden())?;
         let (text, detail) = (logs.in_short(), logs.text());
         let mut experiment = logs.experiment;
         for record in experiment.records.iter_mut().filter(|_| !with_command) {
@@ -117,4 +141,14 @@ impl Measured {
         experiment.check()?;
         Ok(Reading { experiment, long: Vec::new(), text, detail, logs: Some(logs.summaries) })
     }
+}
+
+/// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.
+fn is_log(path: &Path) -> bool {
+    path.exists() && !path.is_dir() && !is_toml(path)
+}
+
+/// Whether it is a file of settings, as a model and the description of an experiment are.
+pub(super) fn is_toml(path: &Path) -> bool {
+    !path.is_dir() && path.extension().is_some_and(|end| end == "toml")
 }

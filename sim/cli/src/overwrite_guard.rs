@@ -200,7 +200,9 @@ mod tests {
     use super::*;
 
     /// Options that name what is read.
-    const READ: [&str; 11] = [
+    const READ: [&str; 13] = [
+        "a",
+        "b",
         "experiment",
         "model",
         "plan",
