@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::thread;
 
 use serde_json::Value;
 
@@ -59,16 +60,27 @@ fn judged_alike(stand: &Stand, name: &str) -> Value {
         let says = warnings.contains(&format!("as {word}"));
         assert_eq!(says, word != "ready", "{name}: `{command}` {warnings}");
     }
+    // The diagnosis asks more, and takes back neither of the two words that say something of the lag. It has nothing to say of
+    // records of which nothing repeats and nothing rests.
+    let output = stand.command("diagnose stand --json -").output().unwrap();
+    if output.status.success() {
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let agrees = found["verdict"] == "agrees";
+        assert!(word != "not a lag" || !agrees, "{name}: the diagnosis agrees with what is no lag");
+        let missed = found["gap"]["before"].as_f64().unwrap();
+        assert!(word != "ready" || agrees || missed < 0.05, "{name}: ready, and a lag misses {missed}");
+    }
     identified
 }
 
 #[test]
 fn every_command_says_the_same_of_a_motor() {
-    for (log, options) in logs() {
+    let judge = |(log, options): (PathBuf, &str)| {
         let stand = Stand::empty();
         stand.run(&format!("import {} {options} --out stand", log.display()));
         judged_alike(&stand, &log.display().to_string());
-    }
+    };
+    thread::scope(|scope| logs().into_iter().for_each(|log| drop(scope.spawn(move || judge(log)))));
     let stand = Stand::of_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
     fs::remove_dir_all(stand.path("stand")).unwrap();

@@ -146,7 +146,7 @@ fn a_log_gives_the_report_that_its_folder_gives() {
     let html = without_tags(&stand.read("log.html"));
     let import = format!("rotorlead import log.csv {options} --out stand");
     assert!(html.contains(&import) && html.contains("rotorlead validate stand --model model.toml"), "{import}");
-    assert!(!without_tags(&stand.read("folder.html")).contains("rotorlead import"));
+    assert!(!without_tags(&stand.read("folder.html")).contains("rotorlead import log.csv"));
 }
 
 #[test]
@@ -191,7 +191,11 @@ fn what_is_no_log_takes_no_option_of_one() {
     stand.refuses("identify log.csv --excitation step --output rpm", 1, &["no column was taken as rpm"]);
     stand.refuses("identify log.csv --excitation step --out log.csv", 2, &["would be read and then written over"]);
     stand.refuses("identify nowhere.csv --excitation step", 1, &["`nowhere.csv` does not exist"]);
-    stand.refuses("identify stand/experiment.toml", 1, &["is not a folder", "the folder that holds experiment.toml"]);
+    stand.refuses(
+        "identify stand/experiment.toml",
+        2,
+        &["is neither an experiment's folder nor a log", "the folder that the records lie in"],
+    );
 }
 
 #[test]

@@ -124,7 +124,10 @@ impl Claims {
             return;
         }
         let reason = match records.iter().all(|record| record.fitted.is_some()) {
-            true => "no record was held out that shows its noise: record a second run, and give it role = \"validate\"",
+            true => {
+                "no record was held out that shows its noise: record a second run, add it to the first (`rotorlead import --append`), and give \
+                 it role = \"validate\" in experiment.toml"
+            }
             false => {
                 "the model does not say what it was fitted to, so that no record is known to be held out: identify it again"
             }

@@ -6,6 +6,7 @@ use clap::{Arg, Command};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
 use super::command_line;
+use super::help::example;
 
 /// One page of help.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,7 +64,9 @@ fn page(text: &mut String, command: &Command, level: usize) {
     let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
     let _ = writeln!(text, "{} {name}\n", "#".repeat(level));
     paragraphs(text, command);
-    let _ = writeln!(text, "```text\n{usage}\n```\n");
+    let example =
+        example(command.get_name()).filter(|_| level == 1).map(|line| format!("\n\n$ {line}")).unwrap_or_default();
+    let _ = writeln!(text, "```text\n{usage}{example}\n```\n");
     arguments(text, command, level + 1);
     after(text, command);
     for command in shown(command) {
@@ -129,10 +132,10 @@ fn argument(text: &mut String, argument: &Arg) {
     // Styled text is plain once its escapes are left out, which `to_string` of an argument does.
     let mut line = format!("{short}`{argument}`");
     let help = argument.get_long_help().or_else(|| argument.get_help()).map(ToString::to_string).unwrap_or_default();
-    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-    if !help.is_empty() {
-        let end = if help.ends_with('.') { "" } else { "." };
-        let _ = write!(line, ": {help}{end}");
+    for paragraph in help.split("\n\n").filter(|paragraph| !paragraph.trim().is_empty()) {
+        let words = paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
+        let (begin, end) = (if line.ends_with('.') { "" } else { ":" }, if words.ends_with('.') { "" } else { "." });
+        let _ = write!(line, "{begin} {words}{end}");
     }
     let defaults = argument.get_default_values();
     if !defaults.is_empty() && argument.get_action().takes_values() {

@@ -52,7 +52,7 @@ pub struct Import {
     /// Which of the two is the response, where a log has both; the summary says which it is and why
     #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
     output: Option<Output>,
-    #[command(flatten, next_help_heading = "Reading a log")]
+    #[command(flatten)]
     logs: LogArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,

@@ -15,6 +15,7 @@ mod excite;
 mod exit;
 mod export;
 mod fleet;
+mod help;
 mod help_pages;
 mod identify;
 mod identify_align;
@@ -183,12 +184,13 @@ fn refuse(wrong: &clap::Error) -> ! {
     wrong.exit()
 }
 
-/// The command line with its commands; the long help of each says how it ends.
+/// The command line with its commands; the help of each begins with an example, and the long one says how it ends.
 fn command_line() -> clap::Command {
     fn with_exit_status(command: clap::Command) -> clap::Command {
         command.after_long_help(exit::STATUS).mut_subcommands(with_exit_status)
     }
-    Arguments::command().mut_subcommands(with_exit_status)
+    help::with_common_options(Arguments::command())
+        .mut_subcommands(|command| help::with_layout(with_exit_status(command)))
 }
 
 #[cfg(test)]

@@ -24,17 +24,20 @@ use rotorlead_answer::words::wrapped;
 /// What is in a log, for every command that reads one.
 #[derive(Args, Debug)]
 pub struct LogArguments {
-    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent, dshot or duty), thrust (N, gf,
-    /// kgf, lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before
-    /// the unit turns the sign: thrust=load:-gf. Rows in which such a column is blank are left out. May be given once for each
-    /// quantity
+    /// What a column is, as in --column time=t:ms; once for each quantity
+    ///
+    /// QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent, dshot or duty), thrust (N, gf, kgf, lbf or ozf), rpm
+    /// (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA). A minus before the unit turns the sign: thrust=load:-gf. Rows in which
+    /// such a column is blank are left out.
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
     /// Subtract the mean thrust at rest, of the rows at zero command before the run or else after it
     #[arg(long)]
     tare: bool,
-    /// What drove the command; needed for a plain table, chirp for those of a DataFlash log and staircase for other logs unless given. `steady`: each row is a steady
-    /// point of its own, as in a table of averages
+    /// What drove the command
+    ///
+    /// Needed for a plain table; unless given, chirp for the chirps of a DataFlash log and staircase for other logs. `steady`: each row is a
+    /// steady point of its own, as in a table of averages.
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
     /// Period of a multisine, square or triangle, in seconds
@@ -166,7 +169,7 @@ impl LogArguments {
         match (self.excitation, self.period_s) {
             (Some(excitation), None) if is_periodic => Err(WrongUse::new(
                 format!("--excitation {} needs --period-s", excitation.name()),
-                "say after how many seconds the command repeats, as in --period-s 10",
+                next_command("say after how many seconds the command repeats", &[MissingOption::period()]),
             )),
             (_, Some(_)) if !is_periodic => Err(WrongUse::new(
                 "--period-s goes with --excitation multisine, square or triangle alone",

@@ -31,7 +31,7 @@ pub struct Reader {
     /// Which column is the response; what the experiment says, or the log shows, unless given
     #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
     output: Option<Output>,
-    #[command(flatten, next_help_heading = "Reading a log")]
+    #[command(flatten)]
     log: LogArguments,
 }
 

@@ -30,6 +30,12 @@ impl MissingOption {
         Self { name: "--excitation", value: String::from("KIND") }
     }
 
+    /// After how many seconds the command repeats.
+    #[must_use]
+    pub fn period() -> Self {
+        Self { name: "--period-s", value: String::from("SECONDS") }
+    }
+
     pub(super) fn pulse_us() -> Self {
         Self { name: "--pulse-us", value: String::from("LOW..HIGH") }
     }
