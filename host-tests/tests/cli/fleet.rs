@@ -105,7 +105,9 @@ fn of_200_logs_those_stand_out_that_were_made_so() {
     let (truth, found_drift) = (0.01517, drift["drift_share_per_month"].as_f64().unwrap());
     assert!((found_drift - truth).abs() < 3.0 * (high - low) / 2.0 / 2.31, "1.5 % a month, and {low} to {high}");
     let text = stand.run("fleet fleet");
-    assert!(text.contains("200 logs of 20 motors") && text.contains("1 drifts; 1 log stands out."), "{text}");
+    let verdict = found["headline"].as_str().unwrap();
+    assert!(verdict.contains("200 logs of 20 motors") && verdict.contains("1 drifts; 1 log stands out."), "{verdict}");
+    assert!(text.split_whitespace().collect::<Vec<_>>().join(" ").ends_with(verdict), "it comes last: {text}");
 
     // One that was not identified, and one whose diagnosis says something.
     fs::remove_file(stand.path("fleet/m01_0/model.toml")).unwrap();

@@ -1,16 +1,15 @@
 //! `rotorlead fleet`
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use rotorlead_answer::{Report, Tone, Verdict};
-use rotorlead_identify::fleet::{Comparison, Drift, Log, LogPoint, Quantity, compare, share};
+use rotorlead_answer::Report;
+use rotorlead_identify::fleet::{Log, LogPoint, Quantity, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
-use rotorlead_results::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
-use serde::{Deserialize, Serialize};
+use rotorlead_results::{FleetRow, fleet_answer};
+use serde::Deserialize;
 
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
@@ -55,27 +54,13 @@ impl Fleet {
         let [time_constants, gains] = [Quantity::TimeConstant, Quantity::Gain].map(|quantity| compare(&logs, quantity));
         let (time_constants, gains) = (time_constants.map_err(self.few(&logs))?, gains.map_err(self.few(&logs))?);
 
-        let values = Values::of(&rows, &logs, &time_constants, &gains);
-        let verdict = verdict(&values);
-        let mut text = String::new();
-        for table in [usual_table(&time_constants, &gains, output), motors_table(&time_constants, &gains)] {
-            writeln!(text, "{}", table.text()).expect("a string takes all");
-        }
-        let noted = rotorlead_answer::Table {
-            rows: noted(&rows, &time_constants, &gains),
-            ..logs_table(&rows, &time_constants, &gains)
-        };
-        if !noted.rows.is_empty() {
-            writeln!(text, "{}", noted.text()).expect("a string takes all");
-        }
-        writeln!(text, "{}", verdict.headline).expect("a string takes all");
-        text.push_str(&self.report.write(|| Report {
+        let answer = fleet_answer(&rows, &time_constants, &gains, output);
+        let written = self.report.write(|| Report {
             facts: vec![report_pages::file("Fleet", &self.fleet)],
-            sections: vec![fleet_section(&rows, &time_constants, &gains, output)],
-            ..report_pages::report("Fleet", format!("{} logs", rows.len()), verdict.clone())
-        })?);
-        let detail = logs_table(&rows, &time_constants, &gains).text();
-        Ok(Outcome::new(text, &values).with_detail(detail))
+            sections: vec![answer.section()],
+            ..report_pages::report("Fleet", format!("{} logs", rows.len()), answer.verdict.clone())
+        })?;
+        Ok(Outcome::of(&answer, &written))
     }
 
     fn few<E: std::error::Error + Send + Sync + 'static>(&self, logs: &[Log]) -> impl Fn(E) -> miette::Report {
@@ -166,137 +151,4 @@ fn common_output(read: &[Read]) -> miette::Result<Option<Output>> {
         ));
     }
     Ok(read.iter().find_map(|read| read.output))
-}
-
-/// The rows of logs of which something is to be said.
-fn noted(rows: &[FleetRow], time_constants: &Comparison, gains: &Comparison) -> Vec<Vec<rotorlead_answer::Cell>> {
-    let all = logs_table(rows, time_constants, gains).rows;
-    all.into_iter().filter(|cells| cells.last().is_some_and(|note| !note.text.is_empty())).collect()
-}
-
-fn verdict(values: &Values) -> Verdict {
-    let motors = |wanted: fn(&Deviation) -> bool| {
-        values
-            .motors
-            .iter()
-            .filter(|motor| wanted(&motor.time_constant) || motor.gain.as_ref().is_some_and(wanted))
-            .count()
-    };
-    let drifting = motors(|deviation| deviation.drifts);
-    let outlying = motors(|deviation| deviation.stands_out);
-    let logs = values.logs.iter().filter(|log| log.stands_out).count();
-    let missing = values.logs.iter().filter(|log| log.time_constant_share.is_none()).count();
-    let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
-    let mut said = vec![
-        format!(
-            "{} of {}: {}, {}",
-            count(values.logs.len(), "log", "logs"),
-            count(values.motors.len(), "motor", "motors"),
-            count(outlying, "motor stands out", "motors stand out"),
-            count(drifting, "drifts", "drift")
-        ),
-        count(logs, "log stands out", "logs stand out"),
-    ];
-    said.extend((missing > 0).then(|| count(missing, "log was not compared", "logs were not compared")));
-    let tone = if outlying + drifting + logs + missing > 0 { Tone::Attention } else { Tone::Good };
-    Verdict::new(tone, format!("{}.", said.join("; ")))
-}
-
-/// What came out, for programs. Shares are of the usual value: 0.05 is 5 % more.
-#[derive(Serialize)]
-struct Values {
-    levels: Vec<Level>,
-    motors: Vec<Motor>,
-    logs: Vec<LogValues>,
-}
-
-#[derive(Serialize)]
-struct Level {
-    nominal: f64,
-    time_constant_s: f64,
-    gain: f64,
-}
-
-#[derive(Serialize)]
-struct Motor {
-    motor: String,
-    logs: usize,
-    time_constant: Deviation,
-    gain: Option<Deviation>,
-}
-
-#[derive(Serialize)]
-struct Deviation {
-    share: f64,
-    score: Option<f64>,
-    stands_out: bool,
-    drift_share_per_month: Option<f64>,
-    drift_interval: Option<[f64; 2]>,
-    drift_p_value: Option<f64>,
-    drifts: bool,
-}
-
-#[derive(Serialize)]
-struct LogValues {
-    log: String,
-    motor: String,
-    date: Option<String>,
-    time_constant_share: Option<f64>,
-    time_constant_score: Option<f64>,
-    gain_share: Option<f64>,
-    gain_score: Option<f64>,
-    stands_out: bool,
-    note: Option<String>,
-}
-
-impl Values {
-    fn of(rows: &[FleetRow], logs: &[Log], time_constants: &Comparison, gains: &Comparison) -> Self {
-        let deviation = |found: &Comparison, name: &str| {
-            found.motors.get(name).map(|motor| Deviation {
-                share: share(motor.deviation),
-                score: motor.score,
-                stands_out: motor.stands_out(),
-                drift_share_per_month: motor.drift.map(|drift: Drift| drift.per_month),
-                drift_interval: motor.drift.map(|drift| drift.interval),
-                drift_p_value: motor.drift.map(|drift| drift.p_value),
-                drifts: motor.drifts,
-            })
-        };
-        let of_log = |(index, row): (usize, &FleetRow)| {
-            let [tau, gain] = [time_constants, gains].map(|found| found.logs[index]);
-            let known = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-            LogValues {
-                log: row.log.clone(),
-                motor: row.motor.clone(),
-                date: known(&row.date),
-                time_constant_share: tau.map(|log| share(log.deviation)),
-                time_constant_score: tau.and_then(|log| log.score),
-                gain_share: gain.map(|log| share(log.deviation)),
-                gain_score: gain.and_then(|log| log.score),
-                stands_out: [tau, gain].into_iter().flatten().any(|log| log.stands_out()),
-                note: known(&row.note),
-            }
-        };
-        let level = |(&(nominal, time_constant_s), &(_, gain)): (&(f64, f64), &(f64, f64))| Level {
-            nominal,
-            time_constant_s,
-            gain,
-        };
-        Self {
-            levels: time_constants.levels.iter().zip(&gains.levels).map(level).collect(),
-            motors: time_constants
-                .motors
-                .iter()
-                .filter_map(|(name, motor)| {
-                    Some(Motor {
-                        motor: name.clone(),
-                        logs: motor.logs,
-                        time_constant: deviation(time_constants, name)?,
-                        gain: deviation(gains, name),
-                    })
-                })
-                .collect(),
-            logs: rows.iter().zip(logs).map(|(row, _)| row).enumerate().map(of_log).collect(),
-        }
-    }
 }

@@ -9,6 +9,7 @@ mod design;
 mod diagnose;
 mod distortion;
 mod figures;
+mod fleet;
 mod identify;
 mod latency;
 mod lost_gain;
@@ -21,6 +22,9 @@ mod sections;
 mod simulate;
 mod unit;
 mod validation;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
 
 pub use bandwidths::{
     BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_text, bandwidth_values, measured_table,
@@ -35,6 +39,7 @@ pub use figures::compensation::{
     measured as measured_response, simulated as simulated_response, simulation_and_experiment,
 };
 pub use figures::excitation::{crest_factor, excitation};
+pub use fleet::{FleetRow, fleet_answer};
 pub use identify::{IdentifyResult, points_table, transform};
 pub use latency::{latency_json, protocol_name};
 pub use lost_gain::lost_gain;
@@ -45,13 +50,20 @@ pub use recommendation::{
 };
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
-    FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,
-    diagnosis_section, diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section,
-    experiment_facts, explanations_table, fastest_point, fleet_section, gap_table, in_short, inverse_equation,
-    inverse_table, logs_table, motors_table, parameter_table, predicted_table, ratios_table, redesign_sections,
-    redesign_table, simulation_section, stand_section, stand_table, transfer_function, usual_table,
-    vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
+    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, diagnosis_section,
+    diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,
+    explanations_table, fastest_point, gap_table, in_short, inverse_equation, inverse_table, parameter_table,
+    predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
+    transfer_function, vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
 };
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};
 pub use validation::{validation_answer, validation_in_words};
+
+/// What programs read, by its keys; numbers that are not finite become null.
+fn object(values: &impl Serialize) -> Map<String, Value> {
+    match serde_json::to_value(values) {
+        Ok(Value::Object(values)) => values,
+        other => unreachable!("values have keys, and keys are text: {other:?}"),
+    }
+}

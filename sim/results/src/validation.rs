@@ -11,9 +11,10 @@ use rotorlead_identify::{
 use rotorlead_plant::Judgement;
 use rotorlead_records::Output;
 use rotorlead_vehicle::Recommendation;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::figures::{etfe, time_response};
+use crate::object;
 use crate::recommendation::{JudgementValues, judged_verdict};
 
 /// Probability that the bands of a figure hold the truth, at each line.
@@ -79,8 +80,6 @@ pub fn validation_answer(
     if by_nominal.is_some() {
         scores = scores.in_detail();
     }
-    let values = json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records });
-    let Value::Object(values) = values else { unreachable!("it has keys") };
     Answer {
         name: "validation",
         title: "Validation",
@@ -89,7 +88,7 @@ pub fn validation_answer(
         findings: Vec::new(),
         tables: std::iter::once(scores).chain(by_nominal).collect(),
         figures: records.iter().map(|record| figures_of(record, output)).collect(),
-        values,
+        values: object(&json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records })),
     }
 }
 

@@ -30,6 +30,7 @@ use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
 use super::figures::steps::{steps, time_constant_curve};
+use super::object;
 use super::recommendation::{JudgementValues, recommendation_table, to_fly_in_short, tone};
 
 /// An identification, and what follows from it and its records.
@@ -129,7 +130,7 @@ impl IdentifyResult {
         let distortion =
             |found: &PeriodicIdentification| -> Vec<_> { found.nominals.iter().map(DistortionValues::of).collect() };
         let responses = chirps.map(|found| found.responses.iter().map(ChirpValues::new).collect::<Vec<_>>());
-        let values = json!({
+        object(&json!({
             "judgement": judgement,
             "output": output,
             "other_output": self.assessment.other_output,
@@ -140,9 +141,7 @@ impl IdentifyResult {
             "alignment": null,
             "static_map": identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
             "laws": self.laws,
-        });
-        let Value::Object(values) = values else { unreachable!("it has keys") };
-        values
+        }))
     }
 }
 

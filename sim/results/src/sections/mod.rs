@@ -5,7 +5,6 @@ mod bandwidth_diagnosis;
 mod design;
 mod diagnosis;
 mod experiment;
-mod fleet;
 mod redesign;
 mod stand;
 mod vehicle;
@@ -18,7 +17,6 @@ pub use design::{
 };
 pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table, parameter_table};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
-pub use fleet::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
 pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};

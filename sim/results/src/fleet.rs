@@ -1,0 +1,252 @@
+//! Many logs side by side.
+
+use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, table_of};
+use rotorlead_identify::fleet::{Comparison, LogDeviation, MotorDeviation, share};
+use rotorlead_records::Output;
+use serde_json::{Value, json};
+
+use crate::object;
+use crate::unit::unit;
+
+const NONE: Unit = Unit::plain("");
+const PERCENT: Unit = Unit::plain("%");
+
+/// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FleetRow {
+    /// Its folder.
+    pub log: String,
+    /// Its motor.
+    pub motor: String,
+    /// Its day; empty where nobody knows.
+    pub date: String,
+    /// Why it is not among those that are compared, or what a diagnosis found.
+    pub note: String,
+}
+
+/// A motor in its time constant and in its gain, as far as they are compared.
+struct Motor<'a> {
+    name: &'a str,
+    found: [Option<&'a MotorDeviation>; 2],
+}
+
+/// A log likewise.
+#[derive(Clone, Copy)]
+struct Log<'a> {
+    row: &'a FleetRow,
+    found: [Option<LogDeviation>; 2],
+}
+
+/// What is usual at a command.
+struct Level {
+    nominal: f64,
+    time_constant_s: f64,
+    gain: f64,
+}
+
+/// Motors and logs, by how far their time constants and gains are from the usual. `output` is the response of their models.
+#[must_use]
+pub fn fleet_answer(
+    rows: &[FleetRow],
+    time_constants: &Comparison,
+    gains: &Comparison,
+    output: Option<Output>,
+) -> Answer {
+    let both = [time_constants, gains];
+    let levels = time_constants.levels.iter().zip(&gains.levels);
+    let levels: Vec<Level> =
+        levels.map(|(&(nominal, time_constant_s), &(_, gain))| Level { nominal, time_constant_s, gain }).collect();
+    let motor = |name| Motor { name, found: both.map(|all| all.motors.get(name)) };
+    let motors: Vec<Motor> = time_constants.motors.keys().map(|name| motor(name)).collect();
+    let log = |(index, row)| Log { row, found: both.map(|all| all.logs.get(index).copied().flatten()) };
+    let logs: Vec<Log> = rows.iter().enumerate().map(log).collect();
+    let noted: Vec<Log> = logs.iter().filter(|log| !log.note().is_empty()).copied().collect();
+    let all_logs = Table {
+        notes: vec![
+            "A deviation is the mean, over the commands that logs share, of how far a log is from the median of all. A score is a \
+             distance from the others in their standard deviations, taken from their medians; from 3.5 on it stands out. A drift \
+             has its 95 % interval."
+                .to_owned(),
+        ],
+        ..logs_table("fleet_logs", "Logs", &logs)
+    };
+    let noted =
+        (!noted.is_empty()).then(|| logs_table("fleet_noted_logs", "Logs of which something is to be said", &noted));
+    Answer {
+        name: "fleet",
+        title: "The fleet",
+        text: Vec::new(),
+        verdict: verdict(&motors, &logs),
+        findings: Vec::new(),
+        tables: [usual_table(&levels, output), motors_table(&motors)]
+            .into_iter()
+            .chain(noted)
+            .chain([all_logs.in_detail()])
+            .collect(),
+        figures: Vec::new(),
+        values: object(&json!({
+            "levels": levels
+                .iter()
+                .map(|level| json!({"nominal": level.nominal, "time_constant_s": level.time_constant_s, "gain": level.gain}))
+                .collect::<Value>(),
+            "motors": motors.iter().map(Motor::json).collect::<Value>(),
+            "logs": logs.iter().map(Log::json).collect::<Value>(),
+        })),
+    }
+}
+
+impl Motor<'_> {
+    fn is_any(&self, wanted: fn(&MotorDeviation) -> bool) -> bool {
+        self.found.into_iter().flatten().any(wanted)
+    }
+
+    fn note(&self) -> String {
+        let of_quantity = |(found, what): (Option<&MotorDeviation>, &str)| {
+            let found = found?;
+            let said = [(found.stands_out(), "stands out"), (found.drifts, "drifts")];
+            Some(said.map(|(is_so, word)| is_so.then(|| format!("{what} {word}"))))
+        };
+        let said = self.found.into_iter().zip(["tau", "gain"]).filter_map(of_quantity).flatten().flatten();
+        said.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Shares are of the usual value: 0.05 is 5 % more.
+    fn json(&self) -> Value {
+        let deviation = |found: &MotorDeviation| {
+            json!({
+                "share": share(found.deviation),
+                "score": found.score,
+                "stands_out": found.stands_out(),
+                "drift_share_per_month": found.drift.map(|drift| drift.per_month),
+                "drift_interval": found.drift.map(|drift| drift.interval),
+                "drift_p_value": found.drift.map(|drift| drift.p_value),
+                "drifts": found.drifts,
+            })
+        };
+        let [time_constant, gain] = self.found;
+        json!({
+            "motor": self.name,
+            "logs": time_constant.map(|found| found.logs),
+            "time_constant": time_constant.map(deviation),
+            "gain": gain.map(deviation),
+        })
+    }
+}
+
+impl Log<'_> {
+    fn stands_out(&self) -> bool {
+        self.found.iter().flatten().any(LogDeviation::stands_out)
+    }
+
+    fn note(&self) -> String {
+        let quantities = self.found.iter().zip(["tau", "gain"]);
+        let outlying = quantities.filter(|(found, _)| found.is_some_and(|found| found.stands_out()));
+        let known = (!self.row.note.is_empty()).then(|| self.row.note.clone());
+        outlying.map(|(_, what)| format!("{what} stands out")).chain(known).collect::<Vec<_>>().join(", ")
+    }
+
+    fn json(&self) -> Value {
+        let known = |text: &str| (!text.is_empty()).then(|| text.to_owned());
+        let [time_constant, gain] = self.found;
+        json!({
+            "log": self.row.log,
+            "motor": self.row.motor,
+            "date": known(&self.row.date),
+            "time_constant_share": time_constant.map(|found| share(found.deviation)),
+            "time_constant_score": time_constant.and_then(|found| found.score),
+            "gain_share": gain.map(|found| share(found.deviation)),
+            "gain_score": gain.and_then(|found| found.score),
+            "stands_out": self.stands_out(),
+            "note": known(&self.row.note),
+        })
+    }
+}
+
+fn verdict(motors: &[Motor], logs: &[Log]) -> Verdict {
+    let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
+    let outlying = motors.iter().filter(|motor| motor.is_any(MotorDeviation::stands_out)).count();
+    let drifting = motors.iter().filter(|motor| motor.is_any(|found| found.drifts)).count();
+    let outlying_logs = logs.iter().filter(|log| log.stands_out()).count();
+    let missing = logs.iter().filter(|log| log.found[0].is_none()).count();
+    let mut said = vec![
+        format!(
+            "{} of {}: {}, {}",
+            count(logs.len(), "log", "logs"),
+            count(motors.len(), "motor", "motors"),
+            count(outlying, "motor stands out", "motors stand out"),
+            count(drifting, "drifts", "drift")
+        ),
+        count(outlying_logs, "log stands out", "logs stand out"),
+    ];
+    said.extend((missing > 0).then(|| count(missing, "log was not compared", "logs were not compared")));
+    let tone = if outlying + drifting + outlying_logs + missing > 0 { Tone::Attention } else { Tone::Good };
+    Verdict::new(tone, format!("{}.", said.join("; ")))
+}
+
+/// What is usual at each command, of models of this response.
+fn usual_table(levels: &[Level], output: Option<Output>) -> Table {
+    let columns = [
+        Typed::new("u_nom", "u_nom", Unit::plain("duty"), 3, |level: &Level| level.nominal),
+        Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &Level| 1e3 * level.time_constant_s),
+        Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &Level| level.gain),
+    ];
+    table_of("fleet_usual", "What is usual: medians of all logs", &columns, levels)
+}
+
+/// Each motor against the others, and over time.
+fn motors_table(motors: &[Motor]) -> Table {
+    let of_quantity = |place: usize, heading: &str, [share, score, drift, low, high]: [&'static str; 5]| {
+        let per_month = move |key, heading: String, unit, end: fn([f64; 3]) -> f64| {
+            Typed::new(key, heading, unit, 1, move |motor: &Motor| {
+                let drift = motor.found[place].and_then(|found| found.drift.as_ref());
+                drift.map(|drift| 100.0 * end([drift.interval[0], drift.per_month, drift.interval[1]]))
+            })
+        };
+        [
+            Typed::new(share, heading, PERCENT, 1, move |motor: &Motor| {
+                motor.found[place].map(|found| percent(found.deviation))
+            }),
+            Typed::new(score, "score", NONE, 1, move |motor: &Motor| motor.found[place].and_then(|found| found.score)),
+            per_month(drift, format!("{heading} drift"), Unit::plain("%/month"), |[_, drift, _]| drift),
+            per_month(low, "from".to_owned(), NONE, |[low, ..]| low),
+            per_month(high, "to".to_owned(), NONE, |[.., high]| high),
+        ]
+    };
+    let time_constant =
+        ["time_constant_percent", "time_constant_score", "drift_percent_per_month", "drift_low", "drift_high"];
+    let gain = ["gain_percent", "gain_score", "gain_drift_percent_per_month", "gain_drift_low", "gain_drift_high"];
+    let mut columns = vec![
+        Typed::new("motor", "motor", NONE, 0, |motor: &Motor| motor.name.to_owned()),
+        Typed::new("logs", "logs", NONE, 0, |motor: &Motor| motor.found[0].map(|found| found.logs as f64)),
+    ];
+    columns.extend(of_quantity(0, "tau", time_constant));
+    columns.extend(of_quantity(1, "gain", gain));
+    columns.push(Typed::new("note", "", NONE, 0, Motor::note));
+    table_of("fleet_motors", "Motors: how far from the usual, and how they change", &columns, motors)
+}
+
+/// Each log against the others of its motor.
+fn logs_table(name: &str, which: &str, logs: &[Log]) -> Table {
+    let share = |key, heading: &str, place: usize| {
+        Typed::new(key, heading, PERCENT, 1, move |log: &Log| log.found[place].map(|found| percent(found.deviation)))
+    };
+    let score = |key, place: usize| {
+        Typed::new(key, "score", NONE, 1, move |log: &Log| log.found[place].and_then(|found| found.score))
+    };
+    let columns = [
+        Typed::new("log", "log", NONE, 0, |log: &Log| log.row.log.clone()),
+        Typed::new("motor", "motor", NONE, 0, |log: &Log| log.row.motor.clone()),
+        Typed::new("date", "date", NONE, 0, |log: &Log| log.row.date.clone()),
+        share("time_constant_percent", "tau", 0),
+        score("time_constant_score", 0),
+        share("gain_percent", "gain", 1),
+        score("gain_score", 1),
+        Typed::new("note", "", NONE, 0, Log::note),
+    ];
+    let caption = format!("{which}: how far from the usual, with the score against the motor's other logs");
+    table_of(name, caption, &columns, logs)
+}
+
+fn percent(logarithm: f64) -> f64 {
+    100.0 * share(logarithm)
+}
