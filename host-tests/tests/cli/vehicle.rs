@@ -78,8 +78,10 @@ fn text_json_figures_and_report_say_the_same_and_twice_the_same() {
     }
     assert!(!stand.path("flight/vehicle_force.svg").exists(), "this airframe has no hexarotor");
     assert!(stand.read("v.html").contains("What a compensator is worth in a vehicle"));
-    let first = text.split("\n\n").next().unwrap();
-    assert!(first.contains("compensators make the vehicle worse"), "{first}");
+    let verdict = json["headline"].as_str().unwrap();
+    assert!(verdict.contains("compensators make the vehicle worse"), "{verdict}");
+    // It comes last, but for what was written.
+    assert!(flowing(text.split("\n\nFigures in").next().unwrap()).ends_with(verdict), "{text}");
     stand.run(&format!("{SMALL} --json again.json"));
     assert_eq!(stand.read("v.json"), stand.read("again.json"));
     assert_eq!(stand.run(&format!("{SMALL} --quiet")), "");

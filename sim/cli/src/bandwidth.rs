@@ -126,8 +126,11 @@ impl Bandwidth {
             self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let other = design.as_ref().and_then(|design| of_another_model(design, &model));
-        let warnings: Vec<String> =
-            other.into_iter().chain(judged(&model)).chain(lost_gain(&points, &phases)).collect();
+        let warnings: Vec<String> = other
+            .into_iter()
+            .chain(judged(&model).map(|finding| format!("warning: {}", finding.sentence())))
+            .chain(lost_gain(&points, &phases))
+            .collect();
         let mut text = bandwidth_table(&points, &phases).text();
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_holds(&latency, chain, &phases));

@@ -92,7 +92,7 @@ impl Export {
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
         let mut said = text(&found, motors);
         if let Some(warning) = judged(&model) {
-            said = format!("{}\n{said}", Syntax::of(stack).comment(&[warning]));
+            said = format!("{}\n{said}", Syntax::of(stack).comment(&[format!("warning: {}", warning.sentence())]));
         }
         Ok(Outcome::new(said, &found))
     }

@@ -9,6 +9,7 @@ use rotorlead_plant::{
     ActiveEffect, CommandNoiseGain, CompensatorDesign, CompensatorProvenance, LeadFile, Model, StoredCoefficients,
     StoredCompensator, Word,
 };
+use rotorlead_records::Finding;
 use rotorlead_vehicle::Recommendation;
 use serde::Serialize;
 use serde_json::Value;
@@ -142,7 +143,7 @@ impl DesignResult {
             Designed::Lead(_) => uncertain_zero(model).into_iter().collect(),
             Designed::Inverse(inverse) => doubts(model, inverse),
         };
-        let judged = judged(model);
+        let judged = judged(model).map(|finding| format!("warning: {}", finding.sentence()));
         let warnings = judged.into_iter().chain(doubts).chain(lost_gain(&points, &phases)).collect();
         Self { designed, compensator, points, phases, latency, warnings, recommendation: None }
     }
@@ -197,9 +198,9 @@ impl DesignResult {
 
 /// Said of a model that is not ready: whatever is built on it rests on that.
 #[must_use]
-pub fn judged(model: &Model) -> Option<String> {
+pub fn judged(model: &Model) -> Option<Finding> {
     let judgement = model.judgement().filter(|judgement| judgement.state != Word::Ready)?;
-    Some(format!("warning: the model was judged when it was identified, as {judgement}"))
+    Some(Finding::warning(format!("the model was judged when it was identified, as {judgement}"), None))
 }
 
 /// Said of a compensator whose file names another model: what is predicted with this one holds for another motor.

@@ -22,6 +22,7 @@ mod sections;
 mod simulate;
 mod unit;
 mod validation;
+mod vehicle;
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -54,11 +55,12 @@ pub use sections::{
     diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,
     explanations_table, fastest_point, gap_table, in_short, inverse_equation, inverse_table, parameter_table,
     predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
-    transfer_function, vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
+    transfer_function,
 };
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};
 pub use validation::{validation_answer, validation_in_words};
+pub use vehicle::vehicle_answer;
 
 /// What programs read, by its keys; numbers that are not finite become null.
 fn object(values: &impl Serialize) -> Map<String, Value> {

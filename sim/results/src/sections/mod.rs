@@ -7,7 +7,6 @@ mod diagnosis;
 mod experiment;
 mod redesign;
 mod stand;
-mod vehicle;
 
 pub use bandwidth::bandwidth_section;
 pub use bandwidth_diagnosis::{bandwidth_diagnosis_section, explanations_table, predicted_table, ratios_table};
@@ -19,7 +18,6 @@ pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_tabl
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
-pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};
 
 use rotorlead_answer::Cell;
 
