@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use rotorlead_diagnose::{Options, diagnose as find};
 use rotorlead_plant::Catalog;
 use rotorlead_records::files::{check_writable, write_file};
-use rotorlead_results::diagnosis_json;
+use rotorlead_results::diagnosis_answer;
 
 use crate::argument::{Given, read};
 use crate::experiment::Records;
@@ -46,7 +46,7 @@ pub fn diagnose<'py>(
         }
         Ok((found, next))
     })?;
-    let dict = to_dict(py, &diagnosis_json(&found))?;
+    let dict = to_dict(py, &diagnosis_answer(&found).json())?;
     dict.set_item("model", to_dict(py, &found.model)?)?;
     dict.set_item("plan", next.map(|next| to_dict(py, &next.plan)).transpose()?)?;
     Ok(dict)

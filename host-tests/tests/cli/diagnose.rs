@@ -39,7 +39,8 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     );
     for part in [
         "Missing in the model: slew-rate limit.",
-        "Redesign: refused at an amplitude of 0.05.",
+        "The compensator is refused at an amplitude of 0.05 duty",
+        "- The compensator is refused: it would ask for more than the actuator follows.",
         "change faster than the 0.5",
         "no filter can make it",
         "Nothing is written to c.toml",
@@ -77,7 +78,10 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     }
     // A lead that is small enough for the limit is designed, and written.
     let said = run(folder, "diagnose stand --redesign --at-amplitude 0.001 --out-compensator c.toml");
-    assert!(said.contains("Redesign: zero 14.1") && said.contains("Written to c.toml"), "{said}");
+    assert!(
+        said.contains("The compensator for the improved model: zero 14.1") && said.contains("Written to c.toml"),
+        "{said}"
+    );
     assert!(folder.join("c.toml").is_file());
     // The figures have names, units and no empty picture.
     for (figure, words) in [

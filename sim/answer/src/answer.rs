@@ -14,7 +14,7 @@ const MOST_FINDINGS: usize = 4;
 const MOST_SENTENCES: usize = 2;
 
 /// An answer: what came out, what is to be known of it, and the numbers behind it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
     /// Name of its place in a report.
     pub name: &'static str,

@@ -23,7 +23,7 @@ pub struct Report {
 }
 
 /// What came out, in words.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// How good the news is.
     pub tone: Tone,
@@ -34,9 +34,10 @@ pub struct Verdict {
 }
 
 /// How good news are; also said in the words, since color alone says nothing to some.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tone {
     /// Neither good nor bad.
+    #[default]
     Plain,
     /// As it should be.
     Good,

@@ -1,30 +1,19 @@
 //! `--redesign` of `rotorlead diagnose`: a compensator from the improved model, and whether it is to be used.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::Diagnostic as _;
-use rotorlead_answer::Section;
-use rotorlead_diagnose::{Diagnosis, Verdict};
-use rotorlead_identify::design::redesign::{
-    Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
-};
-use rotorlead_records::files::{FileError, Quantity, check_writable};
-use rotorlead_results::{bandwidth_text, in_short, redesign_sections, redesign_table};
-use serde::Serialize;
+use rotorlead_answer::{Answer, Section};
+use rotorlead_diagnose::Diagnosis;
+use rotorlead_identify::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
+use rotorlead_records::files::{Quantity, check_writable};
+use rotorlead_results::{design_section, redesign_answer};
+use serde_json::json;
 
 use super::WrongUse;
 use super::parameters::{DesignArguments, number};
 use super::progress;
 use super::replaced::written_to;
-use rotorlead_answer::words::wrapped;
-
-/// Width of what is said.
-const WIDTH: usize = 80;
-
-const DESIGNED: &str = "A compensator is designed for the improved model.";
-const REFUSED: &str = "The compensator is refused: it would ask for more than the actuator follows.";
 
 /// What is asked of a redesign.
 #[derive(Args, Debug)]
@@ -45,14 +34,12 @@ pub struct RedesignArguments {
 
 /// What came of it.
 pub struct Redesigned {
-    /// For people.
-    pub text: String,
-    /// For programs.
-    pub values: Values,
-    /// In a sentence, for the top of a report.
-    pub verdict: &'static str,
-    /// For a report.
+    /// Whether the compensator is to be used.
+    pub answer: Answer,
+    /// For a report, with the compensator's own.
     pub sections: Vec<Section>,
+    /// What was written.
+    pub written: String,
 }
 
 impl RedesignArguments {
@@ -82,191 +69,23 @@ impl RedesignArguments {
         let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
         let options = RedesignOptions { design: self.parameters.options()?, amplitude, esc_frame_hz };
         let bar = progress::estimate("designing", found.model.points.len() as u64);
-        let designed = redesign(&found.model, &options, &|| progress::step(&bar));
+        let redesigned = redesign(&found.model, &options, &|| progress::step(&bar));
         bar.finish_and_clear();
-        let mut redesigned = match designed {
-            Ok(redesigned) => {
-                let notes = notes(found, &redesigned);
-                let written = self.write(&redesigned)?;
-                let (name, verdict) =
-                    if redesigned.is_refused() { ("refused", REFUSED) } else { ("designed", DESIGNED) };
-                let said = said(&redesigned, amplitude, notes.clone());
-                Redesigned {
-                    text: words(&redesigned, amplitude, &notes),
-                    verdict,
-                    sections: redesign_sections(&redesigned, &found.model, amplitude, said),
-                    values: Values {
-                        verdict: name,
-                        reasons: refusals(&redesigned),
-                        designed: Some(Designed {
-                            amplitude,
-                            full: redesigned.full,
-                            weaker: redesigned.weaker,
-                            remarks: notes,
-                        }),
-                        written,
-                    },
-                }
+        let mut answer = redesign_answer(found, redesigned.as_ref(), amplitude);
+        let to_use = redesigned.as_ref().ok().filter(|redesigned| !redesigned.is_refused());
+        let design = to_use.map(|redesigned| &redesigned.full.design);
+        let out = self.out_compensator.as_deref();
+        let written = match (design, out) {
+            (Some(design), Some(out)) => {
+                design.write(out)?;
+                format!("{}\n", written_to(out))
             }
-            Err(error) => not_designed(&error),
+            (None, Some(out)) => format!("Nothing is written to {}\n", out.display()),
+            (_, None) => String::new(),
         };
-        if let Some(out) = &self.out_compensator {
-            let said = match redesigned.values.written {
-                true => written_to(out),
-                false => format!("Nothing is written to {}", out.display()),
-            };
-            let _ = writeln!(redesigned.text, "\n{said}");
-        }
-        Ok(Some(redesigned))
+        answer.values.insert("written".to_owned(), json!(design.and(out).is_some()));
+        let designed = design.map(|design| design_section(design, &found.model));
+        let sections = std::iter::once(answer.section()).chain(designed).collect();
+        Ok(Some(Redesigned { answer, sections, written }))
     }
-
-    /// Writes the compensator that is to be used, and says whether there was one to write.
-    fn write(&self, redesigned: &Redesign) -> Result<bool, FileError> {
-        let Some(out) = self.out_compensator.as_deref().filter(|_| !redesigned.is_refused()) else { return Ok(false) };
-        redesigned.full.design.write(out)?;
-        Ok(true)
-    }
-}
-
-fn not_designed(error: &RedesignError) -> Redesigned {
-    let help = error.help().map(|help| format!(": {help}")).unwrap_or_default();
-    let reason = format!("{error}{help}");
-    Redesigned {
-        text: format!("\nRedesign: none. {}\n", wrapped(&reason, WIDTH, "  ")),
-        verdict: "No compensator can be designed for the improved model.",
-        sections: vec![Section { text: vec![format!("None. {reason}")], ..Section::new("redesign", "Redesign") }],
-        values: Values { verdict: "none", reasons: vec![reason], designed: None, written: false },
-    }
-}
-
-/// What is to be said beyond the numbers: of the effects, and of what the diagnosis leaves open.
-pub(super) fn notes(found: &Diagnosis, redesigned: &Redesign) -> Vec<String> {
-    let mut notes = redesigned.remarks.clone();
-    let others = || found.effects.iter().flat_map(|effect| &effect.alternatives);
-    let bounds: Vec<&str> =
-        others().map(|kind| kind.id).filter(|id| ["slew_limit", "saturation"].contains(id)).collect();
-    if !bounds.is_empty() {
-        notes.push(format!(
-            "The records cannot exclude {}, which would limit what a lead can do. Do the next experiment first.",
-            bounds.join(" or ")
-        ));
-    }
-    match found.verdict {
-        Verdict::Unknown => notes.push(
-            "The model does not explain the records, and this prediction holds no better than it does.".to_owned(),
-        ),
-        Verdict::PartlyNamed => {
-            notes.push("Something unexplained is left over, and is not in this prediction.".to_owned())
-        }
-        Verdict::Agrees | Verdict::Named => {}
-    }
-    notes
-}
-
-fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
-    let full = &redesigned.full;
-    let mut text = String::new();
-    let mut line = |line: &str| {
-        text.push_str(line.trim_end());
-        text.push('\n');
-    };
-    if redesigned.is_refused() {
-        line(&format!("\nRedesign: refused at an amplitude of {amplitude}."));
-        for refusal in refusals(redesigned) {
-            line(&format!("  {}", wrapped(&refusal, WIDTH - 2, "    ")));
-        }
-        line("\nWhat the refused lead would do:");
-    } else {
-        line(&format!("\n{}", wrapped(&format!("Redesign: {}", in_short(&full.design)), WIDTH, "  ")));
-    }
-    line("");
-    line(&redesign_table(full, amplitude).text());
-    if redesigned.is_refused() {
-        line(&wrapped(&strongest(redesigned), WIDTH, "  "));
-    }
-    if let Some(weaker) = &redesigned.weaker {
-        line("");
-        line(&redesign_table(weaker, amplitude).text());
-    }
-    for note in notes {
-        line(&format!("  {}", wrapped(note, WIDTH - 2, "  ")));
-    }
-    text
-}
-
-/// The same as sentences for a report, which has the numbers in its tables.
-fn said(redesigned: &Redesign, amplitude: f64, notes: Vec<String>) -> Vec<String> {
-    let mut said = Vec::new();
-    if redesigned.is_refused() {
-        said.push(format!(
-            "The lead is refused at an amplitude of {amplitude} duty; what it would do is shown all the same."
-        ));
-        said.extend(refusals(redesigned));
-        said.push(strongest(redesigned));
-    } else {
-        said.push(format!(
-            "The compensator is designed from the improved model. Its bandwidths are predicted for small deviations, and by sinusoids of \
-             {amplitude} duty through the controller's own filter and the simulated actuator."
-        ));
-    }
-    said.extend(notes);
-    said
-}
-
-/// What there is in place of a lead that is refused.
-fn strongest(redesigned: &Redesign) -> String {
-    let weaker = redesigned.weaker.as_ref().and_then(|weaker| weaker.design.as_lead());
-    let Some(lead) = weaker.map(|design| design.lead()) else {
-        return "No weaker lead is worth having at this amplitude either.".to_owned();
-    };
-    format!(
-        "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
-        (10.0 * lead.omega_g_rad_s()).floor() / 10.0,
-        lead.omega_f_rad_s
-    )
-}
-
-/// Why it is refused, at each point where it is.
-pub(super) fn refusals(redesigned: &Redesign) -> Vec<String> {
-    redesigned.full.points.iter().filter_map(|point| Some(refusal(point, point.passed()?))).collect()
-}
-
-fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
-    let nominal = point.small.nominal;
-    let what = match limit.kind.id {
-        "slew_limit" => format!("change faster than the {:.3} duty/s that are followed", limit.most),
-        _ => format!("go farther than the {:.3} duty that are left up to the clip", limit.most),
-    };
-    let from = limit.passed_from_rad_s.unwrap_or_default();
-    let largest = limit.largest_amplitude;
-    let promised = bandwidth_text(point.small.compensated, 1);
-    let alone = bandwidth_text(point.small.uncompensated, 1);
-    let reached = bandwidth_text(point.chain.magnitude, 1);
-    let reachable = limit.reachable_rad_s;
-    format!(
-        "u_nom {nominal:.3}: from {from:.1} rad/s on the compensated command would {what}. The {promised} rad/s that the lead \
-         promises hold for amplitudes up to {largest:.4} duty; at {:.3} duty the chain reaches {reached} rad/s, and no \
-         filter can make it much more than {reachable:.1} rad/s. Without one it is {alone} rad/s for small deviations.",
-        point.amplitude
-    )
-}
-
-/// What came of it, for programs.
-#[derive(Serialize)]
-pub struct Values {
-    verdict: &'static str,
-    reasons: Vec<String>,
-    #[serde(flatten)]
-    designed: Option<Designed>,
-    written: bool,
-}
-
-/// A lead and its bandwidths, where one can be designed.
-#[derive(Serialize)]
-struct Designed {
-    amplitude: f64,
-    #[serde(flatten)]
-    full: Compensated,
-    weaker: Option<Compensated>,
-    remarks: Vec<String>,
 }

@@ -75,15 +75,12 @@ pub fn fleet_answer(
     Answer {
         name: "fleet",
         title: "The fleet",
-        text: Vec::new(),
         verdict: verdict(&motors, &logs),
-        findings: Vec::new(),
         tables: [usual_table(&levels, output), motors_table(&motors)]
             .into_iter()
             .chain(noted)
             .chain([all_logs.in_detail()])
             .collect(),
-        figures: Vec::new(),
         values: object(&json!({
             "levels": levels
                 .iter()
@@ -92,6 +89,7 @@ pub fn fleet_answer(
             "motors": motors.iter().map(Motor::json).collect::<Value>(),
             "logs": logs.iter().map(Log::json).collect::<Value>(),
         })),
+        ..Answer::default()
     }
 }
 

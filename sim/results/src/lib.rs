@@ -6,7 +6,7 @@ mod bandwidths;
 mod catalog;
 mod comparison;
 mod design;
-mod diagnose;
+mod diagnosis;
 mod distortion;
 mod figures;
 mod fleet;
@@ -17,6 +17,7 @@ mod number;
 pub mod paper;
 mod predicted_steps;
 mod recommendation;
+mod redesign;
 mod request;
 mod sections;
 mod simulate;
@@ -27,13 +28,11 @@ mod vehicle;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use bandwidths::{
-    BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_text, bandwidth_values, measured_table,
-};
+pub use bandwidths::{BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, DesignValues, Designed, judged, of_another_model, setting_name};
-pub use diagnose::diagnosis_json;
+pub use diagnosis::{diagnosis_answer, diagnosis_tone, parameter_table};
 pub use distortion::DistortionValues;
 pub use figures::bode::{Band, Curve, bode};
 pub use figures::compensation::{
@@ -49,13 +48,12 @@ pub use predicted_steps::{robustness_table, steps_table};
 pub use recommendation::{
     JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly_in_short, tone,
 };
+pub use redesign::{redesign_answer, redesign_notes, redesign_refusals};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
-    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, diagnosis_section,
-    diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,
-    explanations_table, fastest_point, gap_table, in_short, inverse_equation, inverse_table, parameter_table,
-    predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
-    transfer_function,
+    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, discrete_table,
+    excitation_section, experiment_facts, explanations_table, fastest_point, in_short, inverse_equation, inverse_table,
+    predicted_table, ratios_table, simulation_section, stand_section, stand_table, transfer_function,
 };
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};

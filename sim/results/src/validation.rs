@@ -85,10 +85,10 @@ pub fn validation_answer(
         title: "Validation",
         text: validation_in_words(records),
         verdict: judged_verdict(judgement),
-        findings: Vec::new(),
         tables: std::iter::once(scores).chain(by_nominal).collect(),
         figures: records.iter().map(|record| figures_of(record, output)).collect(),
         values: object(&json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records })),
+        ..Answer::default()
     }
 }
 

@@ -14,11 +14,11 @@ use rotorlead_identify::design::{
 use rotorlead_identify::{IdentifyOptions, MeasuredBandwidth, RecordValidation};
 use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
-use rotorlead_results::{DesignRequest, IdentifyResult, Kind, transform};
+use rotorlead_results::{DesignRequest, IdentifyResult, Kind, redesign_notes, redesign_refusals, transform};
 use rotorlead_vehicle::{Purpose, Recommendation, design_options};
 
 use crate::bandwidth::RESAMPLES;
-use crate::{diagnose as diagnosis, progress, redesign as command};
+use crate::{diagnose as diagnosis, progress};
 
 /// Where the bootstrap of measured bandwidths starts.
 const SEED: u64 = 1;
@@ -243,8 +243,8 @@ fn designed_with_effects(
 ) -> Part<Designed> {
     let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
     let redesigned = redesign(&model, &options, &|| ()).map_err(|error| said(&error.into()))?;
-    let remarks = command::notes(found, &redesigned);
-    if let Some(refusal) = command::refusals(&redesigned).last() {
+    let remarks = redesign_notes(found, &redesigned);
+    if let Some(refusal) = redesign_refusals(&redesigned).last() {
         let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
         return Err(reasons.collect::<Vec<_>>().join(". "));
     }

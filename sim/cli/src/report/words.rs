@@ -9,15 +9,14 @@ use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{DesignOptions, InverseOptions};
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
-    JudgementValues, bandwidth_section, design_section, diagnosis_section, diagnosis_tone, excitation_section,
-    flight_section, judged_verdict, lost_gain, measured_response, parameter_with_std, points_table,
-    recommendation_table, simulation_and_experiment, to_fly_in_short, validation_answer,
+    JudgementValues, bandwidth_section, design_section, diagnosis_answer, excitation_section, flight_section,
+    judged_verdict, lost_gain, measured_response, parameter_with_std, points_table, recommendation_table,
+    simulation_and_experiment, to_fly_in_short, validation_answer,
 };
 use serde_json::{Value, json};
 
 use super::ReportCommand;
 use super::parts::{Designed, Parts};
-use crate::diagnose::verdict as diagnosed;
 use crate::measured::Measured;
 use crate::outcome::without_mark;
 use crate::report_option::this_command;
@@ -55,7 +54,7 @@ impl Parts {
             Err(reason) => left_out("validation", "Validation", reason),
         });
         match &self.diagnosed {
-            Some(Ok(found)) => sections.push(diagnosis_section(found, Some(&diagnosed(found)))),
+            Some(Ok(found)) => sections.push(diagnosis_answer(found).section()),
             Some(Err(reason)) => sections.push(left_out("diagnosis", "Diagnosis", reason)),
             None => {}
         }
@@ -101,7 +100,7 @@ impl Parts {
             );
         }
         if let Some(Ok(found)) = &self.diagnosed {
-            verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
+            verdicts.push(Verdict { sentences: sizes(found), ..diagnosis_answer(found).verdict });
         }
         // A diagnosis of steps has one lag for all levels, beside which those of each level stay.
         let own = self.identified.as_ref().ok().filter(|_| !self.is_given);

@@ -3,9 +3,7 @@
 mod bandwidth;
 mod bandwidth_diagnosis;
 mod design;
-mod diagnosis;
 mod experiment;
-mod redesign;
 mod stand;
 
 pub use bandwidth::bandwidth_section;
@@ -14,9 +12,7 @@ pub use design::{
     curve_table, design_section, design_table, discrete_table, fastest_point, in_short, inverse_equation,
     inverse_table, transfer_function,
 };
-pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table, parameter_table};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
-pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
 
 use rotorlead_answer::Cell;
@@ -24,6 +20,6 @@ use rotorlead_answer::Cell;
 use rotorlead_answer::with_std;
 
 /// A value with its standard error, both times `scale`.
-fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
+pub(crate) fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
     Cell::shown(scale * value, with_std(value, std, scale, digits).replace("+-", "±"))
 }

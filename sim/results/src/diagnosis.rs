@@ -1,0 +1,317 @@
+//! What a diagnosis found.
+
+use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
+use rotorlead_diagnose::{
+    Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
+};
+use rotorlead_identify::Estimate;
+use rotorlead_plant::Point;
+use rotorlead_plant::effect::{Kind, Parameter};
+use serde_json::json;
+
+use crate::figures::diagnosis::diagnosis_figures;
+use crate::number::parameter_with_std;
+use crate::object;
+use crate::sections::estimate;
+use crate::unit::unit;
+
+const NONE: Unit = Unit::plain("");
+const PERCENT: Unit = Unit::plain("%");
+/// What `score` is.
+const SCORE: &str = "score: both gains, less what the search gains by chance";
+
+/// What is missing in a model, by how much that shrinks the gap, and the experiment that would say more.
+#[must_use]
+pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
+    let next = found.next_experiment().map(|next| next.words);
+    let mut values = object(found);
+    values.insert("next_experiment".to_owned(), json!(next));
+    let verdict = Said::new(diagnosis_tone(found.verdict), headline(found));
+    Answer {
+        name: "diagnosis",
+        title: "Diagnosis",
+        text: text(found),
+        verdict: verdict.with(next.map(|words| format!("Next: {words}")).into_iter().collect()),
+        tables: tables(found),
+        figures: diagnosis_figures(found),
+        values,
+        ..Answer::default()
+    }
+}
+
+/// How good the news of a verdict are.
+#[must_use]
+pub fn diagnosis_tone(verdict: Verdict) -> Tone {
+    match verdict {
+        Verdict::Agrees => Tone::Good,
+        Verdict::Named => Tone::Plain,
+        Verdict::PartlyNamed => Tone::Attention,
+        Verdict::Unknown => Tone::Bad,
+    }
+}
+
+fn headline(found: &Diagnosis) -> String {
+    let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
+    match found.verdict {
+        Verdict::Agrees if found.minor.is_empty() => "Model and measurement agree: the residual is noise.".to_owned(),
+        Verdict::Agrees => "Model and measurement agree: the residual is noise and what does not matter.".to_owned(),
+        Verdict::Named => format!("Missing in the model: {}.", names()),
+        Verdict::PartlyNamed => {
+            let left = found.excess.1;
+            // Where this is not the test that rejects, it is that of stationarity, which has a sentence of its own.
+            let by = if left.is_noise() {
+                String::new()
+            } else {
+                format!(": its chi-square is {:.0} where noise leaves {:.0}", left.sum, left.expected)
+            };
+            format!("Missing in the model: {}. A part of the residual stays unexplained{by}.", names())
+        }
+        Verdict::Unknown if found.has_free_map => format!(
+            "One lag with the measured static map misses {:.1} % of the response, and no effect of the catalog explains it.",
+            100.0 * found.gap.before
+        ),
+        Verdict::Unknown => "Model and measurement disagree, and no effect of the catalog explains it.".to_owned(),
+    }
+}
+
+/// What is to be known beside the numbers.
+fn text(found: &Diagnosis) -> Vec<String> {
+    let mut text = Vec::new();
+    if !found.steadiness.is_noise() {
+        text.push(format!(
+            "The residual is not stationary: the power of what does not repeat changes by {:.0} % over time.",
+            100.0 * found.steadiness.spread
+        ));
+    }
+    text.extend((!found.timing.is_steady()).then(|| found.timing.to_string()));
+    text.extend(found.needs_steady_start.then(|| NEEDS_STEADY_START.to_owned()));
+    text.extend(found.minor.iter().map(ToString::to_string));
+    text.extend(found.weak_evidence.iter().map(ToString::to_string));
+    text.extend(found.lateness.iter().map(ToString::to_string));
+    if !found.columns.is_empty() {
+        let columns: Vec<&str> = found.columns.iter().map(|column| column.name()).collect();
+        text.push(format!("Beside the response, compared too where it says more: {}.", columns.join(", ")));
+    }
+    let cut = || found.cut.iter().filter(|cut| !cut.is_empty());
+    text.extend(cut().map(|cut| format!("Rows not compared of {cut}.")));
+    text.extend(cut().filter_map(CutRows::stalls));
+    if found.has_free_map {
+        text.push(
+            "The speed that each level settles to is taken as measured, as `identify` does: curvature of the static map is part of \
+             the model, and no effect."
+                .to_owned(),
+        );
+    }
+    text.extend(found.left_out.iter().map(|out| format!("Not compared: {}: {}", out.file, out.reason)));
+    text
+}
+
+fn tables(found: &Diagnosis) -> Vec<Table> {
+    let mut tables = vec![gap_table(found)];
+    if found.verdict != Verdict::Agrees {
+        tables.push(excess_table(found).in_detail());
+    }
+    if !found.effects.is_empty() {
+        tables.push(effects(&found.effects).in_detail());
+        tables.extend(found.effects.iter().map(effect_table));
+        tables.push(lags(found).in_detail());
+    }
+    if !found.tried.is_empty() {
+        tables.push(tried(&found.tried).in_detail());
+    }
+    if !found.decisions.is_empty() && found.verdict != Verdict::Agrees {
+        tables.push(decisions(&found.decisions).in_detail());
+    }
+    tables
+}
+
+/// The gap on what was held out, or on what was fitted where nothing was; with it that on each split.
+fn gap_table(found: &Diagnosis) -> Table {
+    let on = if found.held_out { "held-out data" } else { "training data" };
+    let all = |gap: &Gap| [Some(gap.before), Some(gap.after), Some(gap.noise_floor)];
+    let mut rows = vec![(on, all(&found.gap))];
+    rows.extend(found.splits.iter().map(|split| (split.split, all(&split.gap))));
+    if !found.splits.is_empty() {
+        let Gap { before, after, .. } = found.fitted;
+        rows.push(("all steps, which are fitted", [Some(before), Some(after), None]));
+    }
+    let percent = |key, heading: &str, place: usize| {
+        Typed::new(key, heading, PERCENT, 2, move |(_, gaps): &(&str, [Option<f64>; 3])| {
+            gaps[place].map(|gap| 100.0 * gap)
+        })
+    };
+    let columns = [
+        Typed::new("on", "on", NONE, 0, |(on, _): &(&str, _)| (*on).to_owned()),
+        percent("before_percent", "before", 0),
+        percent("after_percent", "after", 1),
+        percent("noise_percent", "noise", 2),
+    ];
+    let before = if found.is_of_given { "the model as it was given" } else { "the lags that fit these records best" };
+    let note = match (found.held_out, found.splits.is_empty()) {
+        (false, _) => "Nothing was held out.",
+        (true, true) => {
+            "Held out are records that are marked `validate`, or a part of the periods of each, unlike in the validation: no number was \
+             fitted to them."
+        }
+        (true, false) => {
+            "Held out is in turn a part of the steps of each log, both models fitted anew to the others: no number was fitted to it."
+        }
+    };
+    let caption = format!("Gap: RMS of the residual over that of the response; before, by {before}");
+    Table { notes: vec![note.to_owned()], ..table_of("gaps", caption, &columns, &rows) }
+}
+
+/// Where the excess chi-square of the first model lies: along each axis its three largest parts.
+fn excess_table(found: &Diagnosis) -> Table {
+    let axes = [
+        Axis::Frequency,
+        Axis::Nominal,
+        Axis::Amplitude,
+        Axis::Direction,
+        Axis::Time,
+        Axis::Harmonics,
+        Axis::Excitation,
+    ];
+    let rows = axes.into_iter().filter_map(|axis| {
+        let mut parts: Vec<&Location> = found.locations.iter().filter(|part| part.axis == axis).collect();
+        parts.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let shown = parts.iter().take(3).filter(|part| part.share >= 0.01).map(|part| place(part));
+        let shown = shown.collect::<Vec<_>>().join(", ");
+        (!shown.is_empty()).then_some((axis, shown))
+    });
+    let columns = [
+        Typed::new("axis", "axis", NONE, 0, |(axis, _): &(Axis, String)| axis.name().to_owned()),
+        Typed::new("parts", "largest parts", NONE, 0, |(_, parts): &(Axis, String)| parts.clone()),
+    ];
+    let caption = "Where the excess chi-square of the first model lies, in percent";
+    table_of("excess", caption, &columns, &rows.collect::<Vec<_>>())
+}
+
+/// Where a part of the excess lies, and how large it is in percent.
+fn place(part: &Location) -> String {
+    let (low, high) = part.range;
+    let span = |decimals: usize| {
+        let [from, to] = [low, high].map(|end| format!("{end:.decimals$}"));
+        if from == to { from } else { format!("{from} to {to}") }
+    };
+    let where_it_is = match part.axis {
+        Axis::Frequency => format!("{} Hz", span(2)),
+        Axis::Nominal if low == high => format!("{low}"),
+        Axis::Nominal => span(2),
+        Axis::Amplitude => span(3),
+        Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
+        Axis::Time => format!("{} s", span(0)),
+        Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
+        Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
+        Axis::Harmonics => "odd lines".to_owned(),
+        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free", "steady"]
+            .get((low as usize).saturating_sub(1))
+            .map_or_else(String::new, |name| (*name).to_owned()),
+    };
+    format!("{where_it_is}: {:.0}", 100.0 * part.share)
+}
+
+/// The parameters of an effect.
+fn effect_table(effect: &NamedEffect) -> Table {
+    let caption = format!(
+        "{} ({}): gap {:.2} % without it, {:.2} % with it; log likelihood {:+.0}",
+        effect.kind.id,
+        effect.kind.title,
+        100.0 * effect.gap_before,
+        100.0 * effect.gap_after,
+        effect.evidence
+    );
+    let mut notes = Vec::new();
+    if !effect.alternatives.is_empty() {
+        notes.push(format!("The records cannot tell it from {}.", named(&effect.alternatives)));
+    }
+    notes.extend(
+        effect
+            .reservation
+            .as_ref()
+            .map(|reservation| format!("It fails {reservation}; named, since nothing but noise is left with it.")),
+    );
+    Table { notes, ..parameter_table(effect.kind, caption, &effect.parameters) }
+}
+
+/// Parameters with their standard errors and units.
+#[must_use]
+pub fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
+    type Row = (&'static Parameter, Estimate);
+    let columns = [
+        Typed::new("parameter", "parameter", NONE, 0, |(parameter, _): &Row| parameter.name.to_owned()),
+        Typed::new("value", "value", NONE, 0, |(parameter, estimate): &Row| {
+            parameter_with_std(parameter, estimate).replace("+-", "±")
+        }),
+    ];
+    table_of(&format!("parameters_{}", kind.id), caption, &columns, parameters)
+}
+
+/// The lags with the effects beside them: others than those that a lag alone takes on to imitate them.
+fn lags(found: &Diagnosis) -> Table {
+    let row = |point: &Point| {
+        vec![
+            Cell::number(point.nominal, 3),
+            estimate(point.gain, point.gain_std, 1.0, 4),
+            estimate(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
+            Cell::number(1.0 / point.time_constant_s, 3),
+        ]
+    };
+    Table {
+        name: "improved_lags".to_owned(),
+        caption: "Lags of the improved model".to_owned(),
+        columns: vec![
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("gain", "gain", unit(found.conditions.output)),
+            Column::new("time_constant_ms", "tau", "ms"),
+            Column::new("pole_rad_s", "1/tau", "rad/s"),
+        ],
+        rows: found.model.points.iter().map(row).collect(),
+        ..Table::default()
+    }
+}
+
+fn effects(effects: &[NamedEffect]) -> Table {
+    let columns = [
+        Typed::new("kind", "effect", NONE, 0, |effect: &NamedEffect| effect.kind.id.to_owned()),
+        Typed::new("title", "what it is", NONE, 0, |effect: &NamedEffect| effect.kind.title.to_owned()),
+        Typed::new("gap_without_percent", "gap without", PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_before),
+        Typed::new("gap_with_percent", "gap with", PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_after),
+        Typed::new("evidence", "evidence", Unit::plain("log likelihood"), 0, |effect: &NamedEffect| effect.evidence),
+        Typed::new("alternatives", "cannot be distinguished from", NONE, 0, |effect: &NamedEffect| {
+            if effect.alternatives.is_empty() { "-".to_owned() } else { named(&effect.alternatives) }
+        }),
+    ];
+    table_of("effects", "Effects that the model lacks", &columns, effects)
+}
+
+fn named(kinds: &[&Kind]) -> String {
+    kinds.iter().map(|kind| kind.id).collect::<Vec<_>>().join(", ")
+}
+
+/// What became of each kind that was tried on logs, and why.
+fn decisions(decisions: &[Decision]) -> Table {
+    let columns = [
+        Typed::new("kind", "kind", NONE, 0, |decision: &Decision| decision.kind.id.to_owned()),
+        Typed::new("beside", "beside", NONE, 0, |decision: &Decision| named(&decision.beside)),
+        Typed::new("fitted_gain", "on training steps", NONE, 1, |decision: &Decision| decision.fitted_gain),
+        Typed::new("held_out_gain", "on held-out steps", NONE, 1, |decision: &Decision| decision.held_out_gain),
+        Typed::new("score", "score", NONE, 1, |decision: &Decision| decision.score),
+        Typed::new("outcome", "outcome", NONE, 0, Decision::outcome),
+    ];
+    let caption = format!("Kinds tried in turn on steps: log likelihood gained, and what became of each; {SCORE}");
+    table_of("decisions", caption, &columns, decisions)
+}
+
+fn tried(tried: &[TriedKind]) -> Table {
+    let finite = |key, heading: &str, get: fn(&TriedKind) -> f64| {
+        Typed::new(key, heading, NONE, 1, move |tried: &TriedKind| Some(get(tried)).filter(|gain| gain.is_finite()))
+    };
+    let columns = [
+        Typed::new("kind", "kind", NONE, 0, |tried: &TriedKind| tried.kind.id.to_owned()),
+        finite("score", "score", |tried| tried.score),
+        finite("fitted_gain", "on what was fitted", |tried| tried.fitted_gain),
+        finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),
+    ];
+    table_of("tried", format!("Kinds tried alone: log likelihood gained; {SCORE}"), &columns, tried)
+}
