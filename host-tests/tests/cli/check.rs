@@ -335,6 +335,8 @@ fn all_that_is_wrong_is_said_in_one_go_and_errors_first() {
     let text = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
     assert!(text.ends_with("good: 4 records; 3 errors, 2 warnings\n"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let of = |severity: &str| text.lines().filter(|line| line.starts_with(severity)).count();
+    assert_eq!((of("error: "), of("warning: "), of("  help: ")), (3, 2, 5), "{text}");
     assert!(report(&assert).contains("`good` has 3 errors"), "{}", report(&assert));
     // Whoever wants errors only gets them.
     let assert = stand.command("check good --quiet").assert().code(1).stdout("");
@@ -343,6 +345,7 @@ fn all_that_is_wrong_is_said_in_one_go_and_errors_first() {
         assert!(said.contains(part), "no `{part}` in {said}");
     }
     assert!(!said.contains("whole periods"), "a warning is no error: {said}");
+    assert!(!said.contains('␊'), "each error has lines of its own: {said}");
 }
 
 #[test]

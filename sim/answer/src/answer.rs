@@ -6,9 +6,9 @@ use serde_json::{Map, Value, json};
 use crate::figure::Figure;
 use crate::report::{Section, Verdict};
 use crate::table::{Table, Weight};
-use crate::words::paragraph;
+use crate::words::{paragraph, remark};
 
-/// Findings that a terminal shows; what further ones say changes the answer less.
+/// Findings that a terminal shows beside tables; what further ones say changes the answer less.
 const MOST_FINDINGS: usize = 4;
 /// Sentences of the verdict that a terminal shows below its headline.
 const MOST_SENTENCES: usize = 2;
@@ -52,10 +52,10 @@ impl Answer {
         let tables = |weights: &[Weight]| -> Vec<String> {
             self.tables.iter().filter(|table| weights.contains(&table.weight)).map(Table::text).collect()
         };
-        let findings = |findings: &[Finding]| -> String {
-            findings.iter().map(|finding| paragraph(&format!("warning: {}", finding.sentence()), "  ")).collect()
-        };
-        let (first, folded) = self.findings.split_at(self.findings.len().min(MOST_FINDINGS));
+        let findings = |findings: &[Finding]| -> String { findings.iter().map(remark).collect() };
+        // Where there is nothing else, they are the answer.
+        let most = if self.tables.is_empty() { usize::MAX } else { MOST_FINDINGS };
+        let (first, folded) = self.findings.split_at(self.findings.len().min(most));
         let said = || self.text.iter().map(|sentence| paragraph(sentence, "  ")).collect();
         let shown = tables(&[Weight::Shown])
             .into_iter()

@@ -1,6 +1,7 @@
 //! Sentences for a terminal.
 
 use rotorlead_records::files::printable_line;
+use rotorlead_records::{Finding, Severity};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
 /// Columns of a terminal.
@@ -31,4 +32,19 @@ pub fn sentence(words: &str) -> String {
     let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
     let stop = if words.ends_with(['.', '?', ':']) { "" } else { "." };
     format!("{first}{}{stop}", letters.as_str())
+}
+
+/// A finding for a terminal: how grave it is, what is wrong, and on lines of its own what to do.
+#[must_use]
+pub fn remark(finding: &Finding) -> String {
+    let severity = if finding.severity == Severity::Error { "error" } else { "warning" };
+    let message = paragraph(&format!("{severity}: {}", finding.message), "  ");
+    let remedy = finding.remedy.as_ref().map(|remedy| paragraph(&format!("  help: {remedy}"), "    "));
+    message + &remedy.unwrap_or_default()
+}
+
+/// `1 error`, `2 errors`.
+#[must_use]
+pub fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }

@@ -16,10 +16,9 @@ use rotorlead_records::import::{
 use rotorlead_records::{Excitation, Experiment, Output};
 
 use super::WrongUse;
-use super::check::words;
 use super::parameters::{number, range};
 use super::report_option::{arguments, this_command_with};
-use rotorlead_answer::words::wrapped;
+use rotorlead_answer::words::{remark, wrapped};
 
 /// What is in a log, for every command that reads one.
 #[derive(Args, Debug)]
@@ -217,7 +216,7 @@ impl Logs {
         let mut text = self.summaries.iter().map(of).collect::<Vec<_>>().join("\n");
         if !self.findings.is_empty() {
             text.push('\n');
-            text.extend(self.findings.iter().map(words));
+            text.extend(self.findings.iter().map(remark));
         }
         text
     }
