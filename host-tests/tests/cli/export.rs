@@ -126,6 +126,16 @@ fn what_is_known_is_printed_beside_what_is_not() {
 }
 
 #[test]
+fn that_a_model_is_not_ready_is_said_in_a_comment_and_for_programs() {
+    let stand = stepped();
+    let judgement = "[provenance.judgement]\nstate = \"measure again\"\nlimits = [\"few steps: record more\"]\n";
+    stand.edit("stepped.toml", "output = \"rpm\"\n", &format!("output = \"rpm\"\n{judgement}"));
+    let warning = "the model was judged when it was identified, as measure again: few steps: record more";
+    let json = prints(&stand, "--for px4", &[&format!("# warning: {warning}")]);
+    assert_eq!(json["warnings"], Value::from(vec![warning]));
+}
+
+#[test]
 fn nothing_known_is_a_failure_with_every_reason() {
     let stand = stepped();
     stand.refuses(

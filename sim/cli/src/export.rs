@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use rotorlead_identify::stack_parameters::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
 use rotorlead_plant::Model;
-use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
+use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::judged;
+use serde_json::json;
 
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
@@ -90,11 +91,12 @@ impl Export {
             return Err(nothing_known(&found, &self.model));
         }
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
-        let mut said = text(&found, motors);
-        if let Some(warning) = judged(&model) {
-            said = format!("{}\n{said}", Syntax::of(stack).comment(&[format!("warning: {}", warning.sentence())]));
-        }
-        Ok(Outcome::new(said, &found))
+        let warnings: Vec<String> = judged(&model).iter().map(Finding::sentence).collect();
+        let comments =
+            warnings.iter().map(|warning| Syntax::of(stack).comment(&[format!("warning: {warning}")]) + "\n");
+        let mut outcome = Outcome::new(comments.collect::<String>() + &text(&found, motors), &found);
+        outcome.json["warnings"] = json!(warnings);
+        Ok(outcome)
     }
 
     /// Refuses options that none of the stack's parameters depends on.
