@@ -31,8 +31,8 @@ use serde_json::{Map, Value};
 
 pub use bandwidths::{BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
 pub use catalog::{catalog_markdown, with_catalog};
-pub use comparison::{Subject, comparison_answer};
 pub use check::check_answer;
+pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, DesignValues, Designed, judged, of_another_model, setting_name};
 pub use diagnosis::{diagnosis_answer, diagnosis_tone, parameter_table};
 pub use distortion::DistortionValues;
