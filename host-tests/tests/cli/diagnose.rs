@@ -228,10 +228,9 @@ fn where_nothing_is_missing_the_redesign_is_what_design_and_bandwidth_give() {
 #[test]
 fn options_that_lack_what_they_are_about_are_wrong_use() {
     for (arguments, words) in [
-        ("diagnose", &["rotorlead diagnose DIR", "--bandwidths TABLE --model MODEL"][..]),
+        ("diagnose", &["<DIR>"][..]),
         ("diagnose stand --omega-g 100", &["add --redesign"]),
         ("diagnose stand --out-compensator c.toml", &["--redesign"]),
-        ("diagnose --bandwidths t.csv --model m.toml --redesign", &["DIR"]),
     ] {
         let output = program().args(arguments.split(' ')).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();

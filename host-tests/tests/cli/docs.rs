@@ -52,7 +52,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 17] = [
+const PAGES: [Page; 16] = [
     Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
@@ -61,7 +61,6 @@ const PAGES: [Page; 17] = [
     page("docs/figures.md", 12),
     page("docs/identification.md", 4),
     page("docs/when-identification-fails.md", 15),
-    page("docs/diagnosis-from-bandwidths.md", 3),
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
     page("docs/board-rp2040.md", 4),
@@ -329,12 +328,6 @@ fn the_page_on_identification_shows_what_its_commands_print() {
 #[test]
 fn the_page_on_failures_shows_what_its_commands_print() {
     holds("docs/when-identification-fails.md");
-}
-
-#[cfg(unix)]
-#[test]
-fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
-    holds("docs/diagnosis-from-bandwidths.md");
 }
 
 #[cfg(unix)]

@@ -22,11 +22,6 @@ const STAIRS: &str = "format = 1\nname = \"stairs\"\nseed = 1\nloop_rate_hz = 20
                       [noise]\nsigma_n = 0.02\n[[record]]\nnominal = 0.5\nexcitation = \"staircase\"\n\
                       levels = [0.3, 0.4, 0.5, 0.6, 0.7, 0.6, 0.5, 0.4, 0.3]\nhold_s = 2\n";
 
-/// The paper's measured bandwidths at three levels, and a model of these.
-const BANDWIDTHS: &str = "u_nom,uncompensated_rad_s,compensated_rad_s\n0.4,7.6139,10.5564\n0.5,11.7689,68.9652\n\
-                          0.65,14.7953,97.1847\n";
-const LOWEST: &str = "[[point]]\nnominal = 0.4\ngain = 9.9955\ntime_constant_s = 0.15934\n";
-
 const HAMMER: &str = "format = 1\nname = \"hammer\"\ncommand = \"force_n\"\noutput = \"thrust_n\"\n\
                       [[record]]\nfile = \"blow.csv\"\nnominal = 0\nexcitation = \"free\"\n";
 
@@ -64,7 +59,6 @@ const ROWS: [&[Case]; 4] = [
         opened("bandwidth --model actuators.toml --compensator compensator.toml --records slow --records faster"),
         opened("diagnose slow --model actuators.toml"),
         opened("diagnose slow --redesign --out-plan next.toml"),
-        opened("diagnose --bandwidths bandwidths.csv --model three.toml"),
     ],
     &[
         succeeding("simulate --model actuators.toml --plan plan.toml --out sim"),
@@ -202,8 +196,6 @@ fn run_row(row: &[Case], folder: PathBuf) -> Vec<Shown> {
     stand.write("plan.toml", host_tests::stand_plan());
     stand.write("actuators.toml", ACTUATORS);
     stand.write("limited.toml", format!("{ACTUATORS}{LIMIT}"));
-    stand.write("three.toml", ACTUATORS.replacen("[[point]]", &format!("{LOWEST}[[point]]"), 1));
-    stand.write("bandwidths.csv", BANDWIDTHS);
     stand.write("curved.toml", format!("{ACTUATORS}{STATIC_MAP}"));
     stand.write("stairs-plan.toml", STAIRS);
     fs::create_dir(stand.path("hammer")).unwrap();

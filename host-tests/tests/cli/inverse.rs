@@ -75,11 +75,3 @@ fn actuators_that_differ_are_shown_beside_the_lead() {
     assert!((0.15..0.35).contains(&of("inverse", "tau -20 %", "overshoot")));
     assert!(of("inverse", "delay 26 ms", "lowest_phase_rad_s") < 45.0);
 }
-
-#[test]
-fn a_table_of_bandwidths_is_diagnosed_behind_a_lead() {
-    let stand = with_inverse();
-    stand.write("bandwidths.csv", "u_nom,uncompensated_rad_s,compensated_rad_s\n0.4,12.5,90\n0.5,16.6,91\n");
-    let arguments = "diagnose --bandwidths bandwidths.csv --model model.toml --compensator inverse.toml";
-    stand.refuses(arguments, 1, &["`inverse.toml` is an inverse", "behind a lead"]);
-}

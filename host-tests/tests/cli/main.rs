@@ -5,7 +5,6 @@ mod check;
 mod compare;
 mod device;
 mod diagnose;
-mod diagnose_bandwidths;
 mod docs;
 mod escapes;
 mod export;

@@ -13,12 +13,11 @@ use rotorlead_records::files::{check_writable, write_file};
 use rotorlead_results::diagnosis_answer;
 use serde_json::json;
 
-use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome};
 use super::redesign::RedesignArguments;
 use super::replaced::written_to;
 use super::report_option::ReportOption;
-use super::{WrongUse, progress, report_pages};
+use super::{progress, report_pages};
 
 /// Steps of a search that finds one effect: each kind is screened and some are fitted, twice.
 pub(super) const STEPS: u64 = 60;
@@ -32,8 +31,8 @@ pub(super) const STEPS: u64 = 60;
 #[derive(Args, Debug)]
 pub struct Diagnose {
     /// The experiment's folder
-    #[arg(value_name = "DIR", conflicts_with = "bandwidths")]
-    experiment: Option<PathBuf>,
+    #[arg(value_name = "DIR")]
+    experiment: PathBuf,
     /// The model to be judged; unless given, the lags that the records show
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
@@ -41,12 +40,10 @@ pub struct Diagnose {
     #[arg(long, value_name = "FILE")]
     out_model: Option<PathBuf>,
     /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
-    #[arg(long, value_name = "FILE", requires = "experiment")]
+    #[arg(long, value_name = "FILE")]
     out_plan: Option<PathBuf>,
     #[command(flatten)]
     report: ReportOption,
-    #[command(flatten)]
-    table: BandwidthArguments,
     #[command(flatten)]
     redesign: RedesignArguments,
     #[command(flatten)]
@@ -57,25 +54,8 @@ impl Diagnose {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.redesign.check()?;
-        if self.table.table().is_some() && self.redesign.is_given() {
-            return Err(WrongUse::new(
-                "a redesign rests on an actuator's records, and a table of bandwidths has none",
-                "leave --redesign out, or diagnose an experiment's folder: rotorlead diagnose DIR --redesign",
-            )
-            .into());
-        }
         let model = self.model.as_deref().map(Model::read).transpose()?;
-        if let (Some(table), Some(model), Some(file)) = (self.table.table(), &model, &self.model) {
-            return self.table.run(table, model, file, self.out_model.as_deref(), &self.report);
-        }
-        let Some(folder) = &self.experiment else {
-            return Err(WrongUse::new(
-                "there is nothing to diagnose",
-                "give an experiment's folder, `rotorlead diagnose DIR`, or a table of bandwidths with the model that it is \
-                 held against, `rotorlead diagnose --bandwidths TABLE --model MODEL`",
-            )
-            .into());
-        };
+        let folder = &self.experiment;
         let mut experiment = Experiment::read(folder)?;
         fill_in_esc_commands(&mut experiment, folder)?;
         if let Some(out) = &self.out_model {

@@ -10,7 +10,6 @@ mod design;
 mod deviations;
 mod device;
 mod diagnose;
-mod diagnose_bandwidths;
 mod excite;
 mod exit;
 mod export;

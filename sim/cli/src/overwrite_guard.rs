@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     /// Options that name what is read.
-    const READ: [&str; 13] = [
+    const READ: [&str; 12] = [
         "a",
         "b",
         "experiment",
@@ -213,7 +213,6 @@ mod tests {
         "records",
         "airframe",
         "fleet",
-        "bandwidths",
     ];
 
     fn path_options(command: &Command) -> BTreeSet<String> {

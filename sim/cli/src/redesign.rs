@@ -20,7 +20,7 @@ use super::replaced::written_to;
 pub struct RedesignArguments {
     /// Design the compensator again from the improved model, and predict the bandwidth with the effects present; refuses
     /// to speed up an actuator whose limits it would pass
-    #[arg(long, requires = "experiment")]
+    #[arg(long)]
     redesign: bool,
     /// Where the compensator goes, for --redesign
     #[arg(long, value_name = "FILE", requires = "redesign")]
@@ -54,11 +54,6 @@ impl RedesignArguments {
         }
         self.parameters.options()?;
         Ok(self.out_compensator.as_deref().map_or(Ok(()), check_writable)?)
-    }
-
-    /// Whether a redesign is asked for.
-    pub fn is_given(&self) -> bool {
-        self.redesign
     }
 
     /// Designs for the model that was found, where that is asked for. `esc_frame_hz` is that of the experiment.

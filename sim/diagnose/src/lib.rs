@@ -3,11 +3,9 @@
 //! One way up, a folder each: `noise` (spectra, errors), `data` (records, which do not change), `model` (hypotheses and their response),
 //! `likelihood` (white residuals by weights that are values: where only noise is left, their sum of squares is a chi-square), `estimate`
 //! (fits and what they predict), `propose` (where searches begin), `assess` (what is left, and what matters), `select` (which effects
-//! the records ask for), `diagnose` and `plan` (the answer, and the experiment that would say more). `bandwidth_table` does the same
-//! with a table of bandwidths in place of records.
+//! the records ask for), `diagnose` and `plan` (the answer, and the experiment that would say more).
 
 mod assess;
-pub mod bandwidth_table;
 mod data;
 mod diagnose;
 mod error;

@@ -53,9 +53,9 @@ pub use recommendation::{
 pub use redesign::{redesign_answer, redesign_notes, redesign_refusals};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
 pub use sections::{
-    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, discrete_table,
-    excitation_section, experiment_facts, explanations_table, fastest_point, in_short, inverse_equation, inverse_table,
-    predicted_table, ratios_table, simulation_section, stand_section, stand_table, transfer_function,
+    bandwidth_section, curve_table, design_section, design_table, discrete_table, excitation_section, experiment_facts,
+    fastest_point, in_short, inverse_equation, inverse_table, simulation_section, stand_section, stand_table,
+    transfer_function,
 };
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};

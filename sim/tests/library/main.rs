@@ -4,7 +4,6 @@ mod alignment;
 mod auxiliary_channels;
 mod chirps;
 mod diagnose;
-mod diagnose_bandwidths;
 mod diagnose_logs;
 mod holds;
 mod hum;

@@ -52,10 +52,6 @@ pub enum FigureKind {
     Gap,
     /// What is left of one record.
     Residual,
-    /// A table of bandwidths beside the models.
-    Bandwidths,
-    /// What explains a table of bandwidths.
-    Explanations,
     /// Rate-loop bandwidths of a vehicle with different actuators.
     VehicleBandwidth,
     /// How far a torque turns a vehicle.
@@ -66,7 +62,7 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 27] = [
         Self::FlightStep,
         Self::FlightResponse,
         Self::Record,
@@ -91,8 +87,6 @@ impl FigureKind {
         Self::Candidates,
         Self::Gap,
         Self::Residual,
-        Self::Bandwidths,
-        Self::Explanations,
         Self::VehicleBandwidth,
         Self::VehicleDisturbance,
         Self::VehicleForce,
@@ -126,8 +120,6 @@ impl FigureKind {
             Self::Candidates => "candidates",
             Self::Gap => "gap",
             Self::Residual => "residual",
-            Self::Bandwidths => "bandwidths",
-            Self::Explanations => "explanations",
             Self::VehicleBandwidth => "vehicle_bandwidth",
             Self::VehicleDisturbance => "vehicle_disturbance",
             Self::VehicleForce => "vehicle_force",

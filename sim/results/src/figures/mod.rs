@@ -1,6 +1,5 @@
 //! What is drawn, as data: one file for each kind of figure, from what was identified, designed or diagnosed.
 
-pub mod bandwidth_diagnosis;
 pub mod bode;
 pub mod compensation;
 pub mod diagnosis;

@@ -1,13 +1,11 @@
 //! The parts of a report: one for each thing that is done, so that a report of a whole experiment is made of the same.
 
 mod bandwidth;
-mod bandwidth_diagnosis;
 mod design;
 mod experiment;
 mod stand;
 
 pub use bandwidth::bandwidth_section;
-pub use bandwidth_diagnosis::{bandwidth_diagnosis_section, explanations_table, predicted_table, ratios_table};
 pub use design::{
     curve_table, design_section, design_table, discrete_table, fastest_point, in_short, inverse_equation,
     inverse_table, transfer_function,
