@@ -46,6 +46,8 @@ fn a_report_draws_what_it_recommends_first() {
     let identified = stand.json("identify sim --out model.toml");
     let report = stand.json("report sim --no-diagnosis --out page.html");
     assert_eq!(report["judgement"], identified["judgement"]);
+    assert_eq!(report["candidates"], identified["candidates"]);
+    assert_eq!(report["candidates"][0]["actuator"], "none", "{report:#}");
     let figures: Vec<&str> = report["figures"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
     assert_eq!(figures[..2], ["flight_step", "flight_response"], "{figures:?}");
     let page = stand.read("page.html");

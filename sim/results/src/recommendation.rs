@@ -2,7 +2,7 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
-    Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Verdict,
+    Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Typed, Unit, Verdict, table_of,
 };
 use rotorlead_plant::{Judgement, Word};
 use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
@@ -74,58 +74,39 @@ pub fn to_fly_in_short(recommendation: &Recommendation) -> String {
 /// Everything that was compared, with what it gains and what it costs.
 #[must_use]
 pub fn recommendation_table(found: &Recommendation) -> Table {
-    let bare = found.candidates.first();
-    let row = |one: &Candidate| {
-        let ratios = bare.and_then(|bare| one.rate_loop.ratios(&bare.rate_loop));
-        let for_purposes = [Purpose::Force, Purpose::RateLoop].into_iter();
-        let chosen: Vec<&str> = for_purposes
-            .filter(|purpose| found.of(*purpose).actuator == one.actuator)
-            .map(|purpose| match purpose {
-                Purpose::RateLoop => "rate loop",
-                Purpose::Force => "force",
-            })
-            .collect();
-        let rise = match one.rise_s {
-            Some(rise_s) => {
-                let limited = if one.is_limited { ", limited" } else { "" };
-                Cell::shown(1e3 * rise_s, format!("{:.0}{limited}", 1e3 * rise_s))
-            }
-            None => Cell::unknown("-"),
-        };
-        vec![
-            Cell::text(one.actuator.name()),
-            Cell::optional(one.bandwidth_rad_s, 1),
-            Cell::optional(one.minus_90_rad_s, 1),
-            rise,
-            Cell::optional(ratios.map(|ratios| ratios.bandwidth), 2),
-            Cell::optional(ratios.map(|ratios| ratios.disturbance_peak), 2),
-            Cell::number(one.noise_gain, 1),
-            Cell::number(one.step_peak, 1),
-            Cell::text(chosen.join(", ")),
-        ]
+    let ratios = |one: &Candidate| one.rate_loop.ratios(&found.candidates.first()?.rate_loop);
+    let rise = |one: &Candidate| match one.rise_s.map(|rise_s| 1e3 * rise_s) {
+        Some(rise_ms) if one.is_limited => Datum::Shown(rise_ms, format!("{rise_ms:.0}, limited")),
+        rise_ms => rise_ms.into(),
     };
+    let recommended_for = |one: &Candidate| {
+        let purposes = [(Purpose::Force, "force"), (Purpose::RateLoop, "rate loop")].into_iter();
+        let chosen = purposes.filter(|(purpose, _)| found.of(*purpose).actuator == one.actuator);
+        chosen.map(|(_, name)| name).collect::<Vec<_>>().join(", ")
+    };
+    const NONE: Unit = Unit::plain("");
+    const RAD_S: Unit = Unit::plain("rad/s");
+    let columns = [
+        Typed::new("actuator", "actuator", NONE, 0, |one: &Candidate| one.actuator.name()),
+        Typed::new("bandwidth_rad_s", "bandwidth", RAD_S, 1, |one: &Candidate| one.bandwidth_rad_s),
+        Typed::new("minus_90_rad_s", "-90 deg", RAD_S, 1, |one: &Candidate| one.minus_90_rad_s),
+        Typed::new("rise_ms", "5 % step rises", Unit::plain("ms"), 0, rise),
+        Typed::new("rate_loop_bandwidth_over_none", "loop over none", NONE, 2, |one: &Candidate| {
+            ratios(one).map(|ratios| ratios.bandwidth)
+        }),
+        Typed::new("gust_over_none", "gust over none", NONE, 2, |one: &Candidate| {
+            ratios(one).map(|ratios| ratios.disturbance_peak)
+        }),
+        Typed::new("noise_gain", "noise gain", NONE, 1, |one: &Candidate| one.noise_gain),
+        Typed::new("step_peak", "largest step", NONE, 1, |one: &Candidate| one.step_peak),
+        Typed::new("recommended_for", "for", NONE, 0, recommended_for),
+    ];
+    let caption = "What may stand before the ESC, at the slowest operating point: what it gains, and what it costs";
+    let refused = found.refused.iter().map(|one| format!("there is no {}: {}", one.actuator.name(), one.reason));
     Table {
-        name: "recommendation".to_owned(),
-        caption: "What may stand before the ESC, at the slowest operating point: what it gains, and what it costs"
-            .to_owned(),
-        columns: vec![
-            Column::new("actuator", "actuator", ""),
-            Column::new("bandwidth_rad_s", "bandwidth", "rad/s"),
-            Column::new("minus_90_rad_s", "-90 deg", "rad/s"),
-            Column::new("rise_ms", "5 % step rises", "ms"),
-            Column::new("rate_loop_bandwidth_over_none", "loop over none", ""),
-            Column::new("gust_over_none", "gust over none", ""),
-            Column::new("noise_gain", "noise gain", ""),
-            Column::new("step_peak", "largest step", ""),
-            Column::new("recommended_for", "for", ""),
-        ],
-        rows: found.candidates.iter().map(row).collect(),
-        notes: to_fly(found)
-            .into_iter()
-            .chain(found.refused.iter().map(|one| format!("there is no {}: {}", one.actuator.name(), one.reason)))
-            .map(|words| sentence(&words))
-            .collect(),
-        ..Table::default()
+        notes: to_fly(found).into_iter().chain(refused).map(|words| sentence(&words)).collect(),
+        key: Some("candidates"),
+        ..table_of("recommendation", caption, &columns, &found.candidates)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Columns that are declared once: heading, unit, decimals, the name in CSV and JSON, and where the value comes from.
 
+use std::borrow::Cow;
+
 use super::{Cell, Column, Table, Value};
 
 /// A column of a table whose rows are made of `R`.
@@ -26,10 +28,12 @@ pub enum Datum {
     Words(String),
     /// A number.
     Number(f64),
+    /// A number in the unit of its column, and what is shown for it.
+    Shown(f64, String),
     /// A number and its standard error, as far as that is known.
     Estimate(f64, Option<f64>),
     /// No number, and what is shown for it.
-    Unknown(&'static str),
+    Unknown(Cow<'static, str>),
 }
 
 impl Unit {
@@ -53,7 +57,7 @@ impl From<f64> for Datum {
 
 impl From<Option<f64>> for Datum {
     fn from(number: Option<f64>) -> Self {
-        number.map_or(Self::Unknown("-"), Self::Number)
+        number.map_or(Self::Unknown(Cow::Borrowed("-")), Self::Number)
     }
 }
 
@@ -87,6 +91,7 @@ impl<'a, R> Typed<'a, R> {
         match (self.get)(row) {
             Datum::Words(words) => Cell::text(words),
             Datum::Number(value) => Cell { value: Value::Number(value), ..Cell::number(scale * value, self.decimals) },
+            Datum::Shown(value, text) => Cell::shown(value, text),
             Datum::Estimate(value, std) => Cell {
                 text: with_std(value, std, scale, self.decimals).replace("+-", "±"),
                 value: Value::Estimate(value, std),

@@ -165,6 +165,7 @@ impl Parts {
             "sentences": report.verdict.sentences,
             "judgement": JudgementValues::new(&self.judgement, self.recommendation.as_ref()),
             "points": self.points(experiment).json(),
+            "candidates": self.recommendation.as_ref().map(|found| recommendation_table(found).json()),
             "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,
             "left_out": {

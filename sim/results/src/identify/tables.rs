@@ -115,7 +115,7 @@ fn levels(fit: &StaircaseFit) -> Table {
     let of_branch = |branch: &Option<Branch>| {
         branch
             .and_then(|branch| branch.time_constant_s)
-            .map_or(Datum::Unknown("-"), |tau| Datum::Estimate(tau.value, Some(tau.std)))
+            .map_or(Datum::Unknown("-".into()), |tau| Datum::Estimate(tau.value, Some(tau.std)))
     };
     let fit_of = |branch: &Option<Branch>| branch.and_then(|branch| branch.fit_percent);
     // In newtons a gain is a few, in revolutions per minute thousands.
