@@ -1,7 +1,7 @@
 //! Figures of a comparison of actuators in a vehicle.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_vehicle::{Airframe, Row, Study};
+use rotorlead_vehicle::{ActuatorKind, Airframe, Row, Study};
 
 /// Height of a panel among several, pixels.
 const HEIGHT: u32 = 240;
@@ -9,6 +9,19 @@ const HEIGHT: u32 = 240;
 /// Bandwidths and disturbances at each latency, and lateral force where there is some.
 pub fn vehicle_figures(study: &Study, airframe: &Airframe) -> Vec<Figure> {
     [bandwidths(study, airframe), disturbances(study, airframe)].into_iter().chain(force(study)).collect()
+}
+
+/// The bare motor, the lead and an inverse have the colors that they have in every figure; others have those that are left.
+fn actuator_colors(actuators: impl Iterator<Item = ActuatorKind>) -> Vec<Color> {
+    let mut left = [Color::Sky, Color::Purple, Color::Green, Color::Orange].into_iter().cycle();
+    let mut of_inverse = std::iter::once(Color::Blue);
+    let color = |actuator| match actuator {
+        ActuatorKind::None => Some(Color::Gray),
+        ActuatorKind::Lead => Some(Color::Vermilion),
+        ActuatorKind::Inverse { .. } => of_inverse.next().or_else(|| left.next()),
+        ActuatorKind::SpeedFeedback { .. } => left.next(),
+    };
+    actuators.filter_map(color).collect()
 }
 
 fn at_hover(airframe: &Airframe) -> String {
@@ -31,8 +44,8 @@ fn bandwidths(study: &Study, airframe: &Airframe) -> Figure {
             known.collect()
         };
         let series = vec![
-            Series::new(at_hover(airframe), Color::Blue, Mark::Discs, points(&at.hover)),
-            Series::new(over_range(airframe), Color::Vermilion, Mark::Rings, points(&at.range)),
+            Series::new(at_hover(airframe), Color::Green, Mark::Discs, points(&at.hover)),
+            Series::new(over_range(airframe), Color::Purple, Mark::Rings, points(&at.range)),
         ];
         let y = Axis::names("actuator", names);
         Panel { title: latency(at.latency_s), height: HEIGHT, ..Panel::new(Axis::bandwidth(), y, series) }
@@ -47,9 +60,10 @@ fn bandwidths(study: &Study, airframe: &Airframe) -> Figure {
 
 fn disturbances(study: &Study, airframe: &Airframe) -> Figure {
     let panel = |rows: &[Row], title: String| {
-        let series = rows.iter().enumerate().filter_map(|(index, row)| {
+        let colors = actuator_colors(rows.iter().map(|row| row.actuator));
+        let series = rows.iter().zip(colors).filter_map(|(row, color)| {
             let points = row.performance.as_ref()?.disturbed.clone();
-            Some(Series::new(row.actuator.name(), Color::nth(index), Mark::Line, points))
+            Some(Series::new(row.actuator.name(), color, Mark::Line, points))
         });
         let axes = (Axis::linear("time", "s"), Axis::linear("roll angle", "degrees"));
         Panel { title, height: HEIGHT, ..Panel::new(axes.0, axes.1, series.collect()) }
@@ -67,11 +81,12 @@ fn disturbances(study: &Study, airframe: &Airframe) -> Figure {
 }
 
 fn force(study: &Study) -> Option<Figure> {
+    let colors = actuator_colors(study.lateral.iter().map(|row| row.actuator));
     let series = study
         .lateral
         .iter()
-        .enumerate()
-        .map(|(index, row)| Series::new(row.actuator.name(), Color::nth(index), Mark::Line, row.step.clone()));
+        .zip(colors)
+        .map(|(row, color)| Series::new(row.actuator.name(), color, Mark::Line, row.step.clone()));
     let panel = Panel::new(Axis::linear("time", "s"), Axis::linear("lateral force", "N"), series.collect());
     (!study.lateral.is_empty()).then(|| {
         Figure::new(
@@ -85,4 +100,20 @@ fn force(study: &Study) -> Option<Figure> {
 
 fn latency(latency_s: f64) -> String {
     format!("latency {:.1} ms", 1e3 * latency_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_of_the_usual_actuators_have_a_color_in_common() {
+        let inverses = [94.0, 150.0, 200.0].map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
+        let others = [ActuatorKind::None, ActuatorKind::Lead, ActuatorKind::SpeedFeedback { pole_rad_s: 100.0 }];
+        let colors = actuator_colors(others.into_iter().chain(inverses));
+        assert_eq!((colors[0], colors[1], colors[3]), (Color::Gray, Color::Vermilion, Color::Blue));
+        for (index, color) in colors.iter().enumerate() {
+            assert!(!colors[..index].contains(color), "{colors:?}");
+        }
+    }
 }
