@@ -8,9 +8,9 @@ use numpy::{Complex64, IntoPyArray as _, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rotorlead_identify::design::{Latency, Setting};
-use rotorlead_plant::{ActiveEffect, CompensatorDesign};
+use rotorlead_plant::CompensatorDesign;
 use rotorlead_records::files::{Fault, Place, check_writable};
-use rotorlead_results::{Chosen, DesignRequest, DesignResult, Kind};
+use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
 
 use crate::argument::{Given, one_of, read};
@@ -89,20 +89,17 @@ pub fn design<'py>(
     }
     let (model, name) = model.model()?;
     out.as_deref().map_or(Ok(()), |out| read(check_writable(out)))?;
-    let found = interrupt::run(py, move || {
-        let effects = ActiveEffect::of_model(&model)?;
-        let Chosen { designed, recommendation } = request
-            .design(&model, purpose)
+    let (answer, found) = interrupt::run(py, move || {
+        let found = request
+            .design(&model, purpose, Latency::standard(request.loop_rate_hz()))
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("`{}` gives no compensator", name.display()))?;
-        let latency = Latency::standard(designed.compensator(&model).loop_rate_hz());
-        let found = DesignResult { recommendation, ..DesignResult::of(&model, &effects, designed, latency) };
         out.map_or(Ok(()), |out| found.compensator.write(&out))?;
-        Ok(found)
+        Ok((found.answer(&model), found))
     })?;
-    let dict = to_dict(py, &found.values())?;
+    let dict = to_dict(py, &answer.json())?;
     dict.set_item("compensator", to_dict(py, &found.compensator.stored())?)?;
-    let nominals: Vec<f64> = found.points.iter().map(|point| point.nominal).collect();
+    let nominals: Vec<f64> = found.bandwidth.points.iter().map(|point| point.nominal).collect();
     dict.set_item("frequency_response", frequency_response(py, &found.compensator, &nominals)?)?;
     Ok(dict)
 }

@@ -188,6 +188,9 @@ class Design(Stand):
     def test_what_is_recommended(self):
         found = self.check([])
         self.assertEqual(found["recommend"]["force"]["kind"], "inverse")
+        bare, *others = found["candidates"]
+        self.assertEqual(bare["actuator"], "none")
+        self.assertTrue(all(one["noise_gain"] > bare["noise_gain"] for one in others))
         self.check(["--purpose", "force"], purpose="force")
 
     def test_a_lead(self):

@@ -131,6 +131,11 @@ fn a_report_has_the_bandwidths_and_phases_of_its_model() {
     stand.write("model.toml", model);
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
     stand.run("report sim --model model.toml --kind lead --no-diagnosis --out report.html --figures of-report");
+    let page = stand.read("report.html");
+    // What the table counts is said below it, as on a terminal.
+    for part in ["on average from pulse in to pulse out", "Counted: transport_delay."] {
+        assert!(page.contains(part), "no `{part}`");
+    }
     stand.run("bandwidth --model model.toml --figures of-bandwidth");
     let table = stand.read("of-bandwidth/predicted_bandwidth.csv");
     assert!(table.contains("compensated_phase_deg"), "{table}");

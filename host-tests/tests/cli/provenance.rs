@@ -24,7 +24,7 @@ fn warnings(stand: &Stand, model: &str, compensator: &str) -> String {
     found["warnings"].to_string()
 }
 
-const OF_ANOTHER: &str = "warning: the compensator was designed for the model ";
+const OF_ANOTHER: &str = "the compensator was designed for the model ";
 
 #[test]
 fn a_model_names_its_experiment_and_the_content_of_its_records() {

@@ -10,6 +10,13 @@ fn without_a_kind_what_is_recommended_for_the_purpose_is_designed() {
         let found = stand.json(&format!("design --model paper.toml --out c.toml {options}"));
         assert_eq!(found["natural_rad_s"], natural, "{found:#}");
         assert_eq!(found["recommend"][purpose]["omega_f_rad_s"], natural, "{found:#}");
+        let candidates = found["candidates"].as_array().unwrap();
+        let designed = candidates.iter().find(|one| one["actuator"] == format!("inverse {natural:.0}")).unwrap();
+        let for_it = designed["recommended_for"].as_str().unwrap();
+        assert_eq!(for_it, purpose.replace('_', " "), "{candidates:#?}");
+        // By small signals an inverse is as fast as its reference model.
+        let bandwidth = designed["bandwidth_rad_s"].as_f64().unwrap();
+        assert!((bandwidth / natural - 1.0).abs() < 0.05 && designed["rise_ms"].is_number(), "{designed:#}");
         let text = stand.run(&format!("design --model paper.toml --out c.toml {options}"));
         for other in ["none", "lead", "inverse 94", "inverse 150", "inverse 200"] {
             assert!(text.lines().any(|line| line.trim_start().starts_with(other)), "no {other}: {text}");
@@ -31,7 +38,7 @@ fn for_what_is_no_lag_nothing_is_designed_unless_a_kind_is_asked_for() {
     stand.refuses(
         "design --model paper.toml --out c.toml",
         1,
-        &["no compensator is recommended for a force", "the motor is not a lag", "`lead` or `inverse`"],
+        &["none is recommended for a force", "the motor is not a lag", "`lead` or `inverse`"],
     );
     assert!(!stand.path("c.toml").exists());
     let text = stand.run("design --kind inverse --model paper.toml --out c.toml");

@@ -25,6 +25,12 @@ pub fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
     textwrap::fill(&printable_line(sentence), options)
 }
 
+/// A warning as a terminal shows it.
+#[must_use]
+pub fn warning(sentence: &str) -> String {
+    paragraph(&format!("warning: {sentence}"), "  ")
+}
+
 /// Words as a sentence of their own: a capital letter, and a full stop where there is none.
 #[must_use]
 pub fn sentence(words: &str) -> String {

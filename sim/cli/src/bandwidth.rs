@@ -1,34 +1,27 @@
 //! `rotorlead bandwidth`
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
 use rotorlead_answer::{Fact, Report};
-use rotorlead_identify::design::{Chain, StepPoint, bandwidths_with, chain_phases, steps};
-use rotorlead_identify::{
-    IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
-};
-use rotorlead_plant::effect::{Kind, Linearity};
-use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
+use rotorlead_identify::design::{Chain, steps};
+use rotorlead_identify::{IdentifyError, PeriodicOptions, identify_periodic};
+use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
 use rotorlead_results::{
-    BandwidthValues, bandwidth_section, bandwidth_table, bandwidth_values, in_short, judged, latency_json, lost_gain,
-    measured_response, measured_table, of_another_model, simulated_response, simulation_and_experiment, steps_table,
+    BandwidthResult, Chosen, DesignRequest, Designed, Kind, MeasuredRecords, RequestError, in_short,
 };
-use serde::Serialize;
-use serde_json::Value;
+use rotorlead_vehicle::Purpose;
 
-use super::deviations::{self, Deviations};
-use super::latency::{LatencyArguments, counted_delays, counted_holds};
-use super::outcome::{JsonOption, Outcome, without_mark};
+use super::deviations::deviations;
+use super::latency::LatencyArguments;
+use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, number};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
-use rotorlead_answer::words::paragraph;
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 pub const RESAMPLES: usize = 1000;
@@ -80,35 +73,26 @@ pub struct Bandwidth {
     pub(super) json: JsonOption,
 }
 
-/// What came out, for programs.
-#[derive(Serialize)]
-struct Values {
-    points: Vec<BandwidthValues>,
-    latency: Value,
-    warnings: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    steps: Option<Vec<StepPoint>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    robustness: Option<Vec<deviations::Values>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    left_out: Option<Vec<&'static Kind>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    measured: Option<Vec<MeasuredBandwidth>>,
-}
-
 impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
         // Before files are read: it may be wrong use.
-        self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
-        self.parameters.options()?;
+        let request = self.parameters.request()?;
+        self.latency.latency(request.loop_rate_hz())?;
         let model = Model::read(&self.model)?;
-        let effects = ActiveEffect::of_model(&model)?;
-        let design = match (&self.lead, &self.compensator) {
-            (Some(_), _) => None,
-            (None, Some(file)) => Some(CompensatorDesign::read(file)?),
-            (None, None) => Some(self.parameters.design(&model, &self.model)?.compensator(&model)),
+        let (design, of_design) = match (&self.lead, &self.compensator) {
+            (Some(_), _) => (None, Vec::new()),
+            (None, Some(file)) => (Some(CompensatorDesign::read(file)?), Vec::new()),
+            (None, None) => {
+                let request = DesignRequest { kind: request.kind().or(Some(Kind::Lead)), ..request };
+                let of = || -> Result<_, RequestError> {
+                    let Chosen { options, findings, .. } = request.chosen(&model, Purpose::Force)?;
+                    Ok((Some(Designed::of(&model, &options)?.compensator(&model)), findings))
+                };
+                of().map_err(miette::Report::from)
+                    .wrap_err_with(|| format!("`{}` gives no compensator", self.model.display()))?
+            }
         };
         let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
         let esc_frame_hz = self.esc_frame.or(identified);
@@ -117,57 +101,21 @@ impl Bandwidth {
             (Some(design), _) => Chain::Designed(design),
             (None, lead) => Chain::Continuous(lead.as_ref().expect("one is designed where none is given")),
         };
-        let lead_at = |nominal: f64| match &design {
-            Some(design) => design.lead_at(nominal),
-            None => self.lead,
-        };
-        let points = bandwidths_with(&model, &effects, chain);
-        let latency =
-            self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
-        let phases = chain_phases(&model, &effects, chain, &latency, &points);
-        let other = design.as_ref().and_then(|design| of_another_model(design, &model));
-        let warnings: Vec<String> = other
-            .into_iter()
-            .chain(judged(&model).map(|finding| format!("warning: {}", finding.sentence())))
-            .chain(lost_gain(&points, &phases))
-            .collect();
-        let mut text = bandwidth_table(&points, &phases).text();
-        text.push_str(&counted_delays(&latency, &phases));
-        text.push_str(&counted_holds(&latency, chain, &phases));
-        text.push_str(&counted_effects(&effects));
-        for warning in &warnings {
-            writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
-        }
+        let loop_rate_hz = design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz);
+        let mut found = BandwidthResult::of(&model, chain, self.latency.latency(loop_rate_hz)?)?;
+        found.findings.splice(0..0, of_design);
         let not_simulated = || format!("`{}` cannot be simulated", self.model.display());
-        let mut stepped = None;
         if let Some(design) = design.as_ref().filter(|_| !self.steps.is_empty()) {
-            let found = steps(&model, design, esc_frame_hz, &self.steps).wrap_err_with(not_simulated)?;
-            writeln!(text, "\n{}", steps_table(&found).text().trim_end()).expect("a string takes all");
-            stepped = Some(found);
+            found.steps = Some(steps(&model, design, esc_frame_hz, &self.steps).wrap_err_with(not_simulated)?);
         }
-        let differing = design.as_ref().filter(|_| self.robustness);
-        let differing = differing.map(|design| Deviations::of(&model, design, esc_frame_hz)).transpose();
-        let differing = differing.wrap_err_with(not_simulated)?;
-        if let Some(differing) = &differing {
-            writeln!(text, "\n{}", differing.table().text().trim_end()).expect("a string takes all");
+        if let Some(design) = design.as_ref().filter(|_| self.robustness) {
+            found.robustness = Some(deviations(&model, design, esc_frame_hz).wrap_err_with(not_simulated)?);
         }
-        let (mut measured, mut found) = (Vec::new(), Vec::new());
         if !self.records.is_empty() {
-            (measured, found) = self.measure()?;
-            text.push('\n');
-            text.push_str(&measured_table(&measured).text());
+            found.measured = Some(self.measure()?);
         }
-        text.push_str(&self.report.write(|| {
-            let mut section = bandwidth_section(&points, &phases, &measured);
-            section.figures.push(simulated_response(&model, &lead_at));
-            section.tables.extend(stepped.as_deref().map(steps_table));
-            section.tables.extend(differing.as_ref().map(Deviations::table));
-            // Without and with compensator may be in different folders.
-            let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
-            let all = PeriodicIdentification { nominals, warnings: Vec::new() };
-            section.figures.extend(measured_response(&all, &all));
-            section.figures.extend(design.as_ref().and_then(|design| simulation_and_experiment(&all, &all, design)));
-            let mut facts = vec![report_pages::file("Model", &self.model)];
+        let answer = found.answer(&model, chain);
+        let report = self.report.write(|| {
             let parameters = match (&design, &self.lead) {
                 (Some(design), _) => in_short(design),
                 (None, Some(lead)) => format!(
@@ -176,38 +124,20 @@ impl Bandwidth {
                 ),
                 (None, None) => String::new(),
             };
-            facts.push(
-                self.compensator
-                    .as_deref()
-                    .map_or(Fact::new("Compensator", parameters), |file| report_pages::file("Compensator", file)),
-            );
+            let compensator = self.compensator.as_deref().map(|file| report_pages::file("Compensator", file));
+            let mut facts = vec![report_pages::file("Model", &self.model)];
+            facts.push(compensator.unwrap_or_else(|| Fact::new("Compensator", parameters)));
             facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
             facts.push(report_pages::version());
-            let verdict = report_pages::faster_as_measured(&points, &measured);
             let title = format!("Bandwidths of {}", self.model.display());
-            Report {
-                facts,
-                warnings: without_mark(&warnings),
-                sections: vec![section],
-                ..report_pages::report("Bandwidth", title, verdict)
-            }
-        })?);
-        let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
-        let values = Values {
-            points: bandwidth_values(&points, &phases),
-            latency: latency_json(&latency, chain, &phases),
-            warnings,
-            steps: stepped,
-            robustness: differing.as_ref().map(Deviations::values),
-            left_out: (!effects.is_empty()).then(|| left_out.collect()),
-            measured: (!self.records.is_empty()).then_some(measured),
-        };
-        Ok(Outcome::new(text, &values))
+            Report { facts, ..report_pages::of_answer("Bandwidth", title, &answer) }
+        })?;
+        Ok(Outcome::of(&answer, &report))
     }
 
-    /// The bandwidths that the records show, and the responses behind them.
-    fn measure(&self) -> miette::Result<(Vec<MeasuredBandwidth>, Vec<PeriodicIdentification>)> {
-        let (mut measured, mut all) = (Vec::new(), Vec::new());
+    /// The bandwidths that the records show. Without and with compensator may be in different folders.
+    fn measure(&self) -> miette::Result<MeasuredRecords> {
+        let mut measured = MeasuredRecords { bandwidths: Vec::new(), nominals: Vec::new() };
         for folder in &self.records {
             let (bandwidths, found) = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
                 let experiment = Experiment::read(folder)?;
@@ -217,29 +147,11 @@ impl Bandwidth {
                 };
                 of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))
             })?;
-            measured.extend(bandwidths);
-            all.push(found);
+            measured.bandwidths.extend(bandwidths);
+            measured.nominals.extend(found.nominals);
         }
-        Ok((measured, all))
+        Ok(measured)
     }
-}
-
-/// What of the model's effects is in the bandwidths; nothing for a model without any.
-pub fn counted_effects(effects: &[ActiveEffect]) -> String {
-    let ids = |counted: &dyn Fn(Linearity) -> bool| -> Vec<&str> {
-        effects.iter().map(ActiveEffect::kind).filter(|kind| counted(kind.linearity)).map(|kind| kind.id).collect()
-    };
-    let mut text = String::new();
-    for (ids, said) in [
-        (ids(&|l| matches!(l, Linearity::Exact | Linearity::Mean)), "Counted"),
-        (ids(&|l| l == Linearity::SmallSignal), "Counted for small deviations from u_nom only"),
-        (ids(&|l| l == Linearity::Absent), "Left out, since it has no frequency response"),
-    ] {
-        if !ids.is_empty() {
-            writeln!(text, "  {said}: {}", ids.join(", ")).expect("a string takes all");
-        }
-    }
-    text
 }
 
 fn lead(text: &str) -> Result<LeadParameters, String> {

@@ -117,13 +117,8 @@ impl Identify {
             lags.tables.extend(recommendation.iter().map(recommendation_table));
             Report {
                 facts: facts.concat(),
-                warnings: answer.warnings(),
                 sections: recommended.chain([lags, excitation_section(&experiment)]).collect(),
-                ..report_pages::report(
-                    "Identification",
-                    format!("Identification of {}", experiment.name),
-                    answer.verdict.clone(),
-                )
+                ..report_pages::of_answer("Identification", format!("Identification of {}", experiment.name), &answer)
             }
         })?);
         Ok(Outcome::of(&answer, &written).after(&of_logs, &detail))

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 use miette::WrapErr as _;
+use rotorlead_answer::words::warning;
 use rotorlead_answer::{Report, Tone, Verdict, with_std};
 use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
@@ -14,7 +15,7 @@ use rotorlead_results::{stand_section, stand_table};
 use serde::Serialize;
 
 use super::identify::written;
-use super::outcome::{Outcome, warning_lines};
+use super::outcome::Outcome;
 use super::parameters::number;
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
@@ -58,9 +59,7 @@ pub fn run(
     if !stand.warnings.is_empty() {
         text.push('\n');
     }
-    for warning in &stand.warnings {
-        text.push_str(&warning_lines(&with_advice(warning)));
-    }
+    text.extend(stand.warnings.iter().map(|one| warning(&with_advice(one))));
     text.push_str(&written(out));
     text.push_str(&report.write(|| {
         let usable = match stand.usable_hz {

@@ -1,12 +1,10 @@
-//! Options about the pulses in and out, and what the chain's phase is said to be.
+//! Options about the pulses in and out.
 
 use clap::{Args, ValueEnum};
 use rotorlead::settings::{Pulse, PulseProtocol};
-use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency, STANDARD_FRAMES_HZ};
-use rotorlead_results::protocol_name;
+use rotorlead_identify::design::{Latency, STANDARD_FRAMES_HZ};
 
 use super::WrongUse;
-use rotorlead_answer::words::paragraph;
 
 /// The pulses between which the controller sits.
 #[derive(Args, Clone, Copy, Debug)]
@@ -95,62 +93,11 @@ impl LatencyArguments {
     }
 }
 
-/// Which pure delays the phases count, to be printed below their table.
-pub fn counted_delays(latency: &Latency, phases: &[ChainPhase]) -> String {
-    let total = latency.total();
-    let pulse = |pulse: Pulse| format!("{} at {} Hz", protocol_name(pulse.protocol), pulse.frame_hz);
-    let start = match latency.frame_start {
-        FrameStart::FollowsInput => "frames follow the input",
-        FrameStart::FreeRunning => "frames run freely",
-    };
-    let said = format!(
-        "  Phases are of the whole chain, with its pure delays: {:.2} ms on average from pulse in to pulse out ({:.2} at most; {} \
-         in, {} out, {start}), and {} in the model. A rate controller's crossover has to lie below -90 degrees.",
-        1e3 * total.mean_s,
-        1e3 * total.worst_s,
-        pulse(latency.input),
-        pulse(latency.output),
-        dead_times(phases),
-    );
-    paragraph(&said, "  ")
-}
-
-/// What of the latency the holds of a sampled chain stand for, to be printed below [`counted_delays`]; nothing for a
-/// continuous one.
-pub fn counted_holds(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> String {
-    let (Chain::Sampled { esc_frame_hz, .. }, Some(phase)) = (chain, phases.first()) else { return String::new() };
-    let ms = |delay_s: f64| format!("{:.2} ms", 1e3 * delay_s);
-    let [passed_on, filtered] = [phase.uncompensated.waits_s, phase.compensated.waits_s].map(ms);
-    let waits = match (latency.frame_start, esc_frame_hz) {
-        (_, None) => format!("{filtered} for tick and output frame: no --esc-frame is held"),
-        (FrameStart::FreeRunning, Some(hz)) => format!(
-            "{filtered} for the holds of tick and ESC frame at {hz} Hz, in place of {} of waits",
-            ms(latency.tick.mean_s + latency.output_frame.mean_s)
-        ),
-        (FrameStart::FollowsInput, Some(hz)) => format!(
-            "{passed_on} for the tick without the compensator, and {filtered} with it: what the filter comes to between \
-             two pulses waits for the next frame, half an ESC frame at {hz} Hz"
-        ),
-    };
-    let known = ms(latency.input_pulse.mean_s + latency.input_filter.mean_s);
-    paragraph(&format!("  With --sampled that is {known} for the pulse in and its filter, and {waits}."), "  ")
-}
-
-/// The dead time of the model, in milliseconds.
-fn dead_times(phases: &[ChainPhase]) -> String {
-    let ms = phases.iter().map(|phase| 1e3 * phase.model_dead_time_s);
-    let (low, high) = ms.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), ms| (low.min(ms), high.max(ms)));
-    match (format!("{low:.2}"), format!("{high:.2}")) {
-        (_, high) if high == "0.00" => "no dead time".to_owned(),
-        (low, high) if low == high => format!("{high} ms of dead time"),
-        (low, high) => format!("{low} to {high} ms of dead time"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use rotorlead::settings::Settings;
     use rotorlead_device::set;
+    use rotorlead_results::protocol_name;
 
     use super::*;
 

@@ -7,7 +7,6 @@ use anstream::AutoStream;
 use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::Diagnostic;
-use rotorlead_answer::words::paragraph;
 use rotorlead_answer::{Answer, Text};
 use rotorlead_records::files::{
     FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
@@ -80,11 +79,6 @@ impl Outcome {
             parts.collect::<Vec<_>>().join("\n\n")
         };
         Self { text: behind(text, &self.text), detail: behind(detail, &self.detail), ..self }
-    }
-
-    /// The same with what `--verbose` adds.
-    pub fn with_detail(self, detail: String) -> Self {
-        Self { detail, ..self }
     }
 
     /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either.
@@ -192,11 +186,6 @@ impl JsonOption {
     }
 }
 
-/// A warning as it is printed.
-pub fn warning_lines(warning: &str) -> String {
-    paragraph(&format!("warning: {warning}"), "  ")
-}
-
 /// What a remark begins with, and its color on a terminal.
 const REMARKS: [(&str, AnsiColor); 4] = [
     ("error:", AnsiColor::Red),
@@ -240,11 +229,6 @@ pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         printed => Ok(printed.map_err(Unprinted)?),
     }
-}
-
-/// Warnings for a place that has its own mark of them.
-pub fn without_mark(warnings: &[String]) -> Vec<String> {
-    warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect()
 }
 
 #[cfg(test)]

@@ -1,14 +1,10 @@
 //! Options that several commands share, and what their values may be.
 
-use std::path::Path;
-
 use clap::{Args, ValueEnum};
-use miette::WrapErr as _;
 use rotorlead_identify::design::Setting;
 use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_plant::Model;
 use rotorlead_records::files::Quantity;
-use rotorlead_results::{DesignRequest, Designed, Kind};
+use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
 
 use super::WrongUse;
@@ -97,12 +93,6 @@ pub enum SettingName {
 }
 
 impl DesignArguments {
-    /// Designs for `model`, which was read from `file`: the lead unless something else is asked for.
-    pub fn design(&self, model: &Model, file: &Path) -> miette::Result<Designed> {
-        let designed = Designed::of(model, &self.options()?);
-        designed.map_err(miette::Report::from).wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
-    }
-
     /// Whether any was given.
     pub fn is_given(&self) -> bool {
         self.unchecked() != DesignRequest::default()

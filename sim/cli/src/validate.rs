@@ -54,8 +54,7 @@ impl Validate {
                 vec![report_pages::file("Model", &self.model)],
             ]
             .concat(),
-            sections: vec![answer.section()],
-            ..report_pages::report("Validation", format!("Validation on {}", experiment.name), answer.verdict.clone())
+            ..report_pages::of_answer("Validation", format!("Validation on {}", experiment.name), &answer)
         })?;
         Ok(Outcome::of(&answer, &written))
     }

@@ -2,7 +2,7 @@
 //! and sections for people. The command line and the Python package both ask here, so that `--json FILE` and a Python
 //! dictionary hold the same numbers.
 
-mod bandwidths;
+mod bandwidth;
 mod catalog;
 mod check;
 mod comparison;
@@ -13,10 +13,8 @@ mod figures;
 mod fleet;
 mod identify;
 mod latency;
-mod lost_gain;
 mod number;
 pub mod paper;
-mod predicted_steps;
 mod recommendation;
 mod redesign;
 mod request;
@@ -29,34 +27,27 @@ mod vehicle;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use bandwidths::{BandwidthValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
+pub use bandwidth::{
+    BandwidthResult, DeviatingActuator, MeasuredRecords, bandwidth_cell, bandwidth_range, bandwidth_text,
+};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
-pub use design::{DesignResult, DesignValues, Designed, judged, of_another_model, setting_name};
+pub use design::{DesignResult, Designed, design_section, in_short, judged, of_another_model};
 pub use diagnosis::{diagnosis_answer, diagnosis_tone, parameter_table};
 pub use distortion::DistortionValues;
 pub use figures::bode::{Band, Curve, bode};
-pub use figures::compensation::{
-    measured as measured_response, simulated as simulated_response, simulation_and_experiment,
-};
 pub use figures::excitation::{crest_factor, excitation};
 pub use fleet::{FleetRow, fleet_answer};
 pub use identify::{IdentifyResult, points_table, transform};
-pub use latency::{latency_json, protocol_name};
-pub use lost_gain::lost_gain;
+pub use latency::protocol_name;
 pub use number::parameter_with_std;
-pub use predicted_steps::{robustness_table, steps_table};
 pub use recommendation::{
     JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly_in_short, tone,
 };
 pub use redesign::{redesign_answer, redesign_notes, redesign_refusals};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
-pub use sections::{
-    bandwidth_section, curve_table, design_section, design_table, discrete_table, excitation_section, experiment_facts,
-    fastest_point, in_short, inverse_equation, inverse_table, simulation_section, stand_section, stand_table,
-    transfer_function,
-};
+pub use sections::{excitation_section, experiment_facts, simulation_section, stand_section, stand_table};
 pub use simulate::{read_plan, simulation_json};
 pub use unit::{quantity, unit};
 pub use validation::{validation_answer, validation_in_words};

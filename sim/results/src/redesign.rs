@@ -6,10 +6,10 @@ use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_identify::design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
 use serde_json::json;
 
-use crate::bandwidths::{bandwidth_cell, bandwidth_text};
+use crate::bandwidth::{bandwidth_cell, bandwidth_text};
+use crate::design::in_short;
 use crate::figures::compensation::redesigned as bandwidths;
 use crate::object;
-use crate::sections::in_short;
 
 /// What a compensator does with the effects that were found, by sinusoids of `amplitude`, duty, and whether it is to be used.
 #[must_use]
@@ -63,7 +63,7 @@ pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &Redesig
         text,
         verdict,
         tables: std::iter::once(redesign_table(full, amplitude)).chain(weaker).chain(limits).collect(),
-        figures: bandwidths(&full.points, amplitude).into_iter().collect(),
+        figures: bandwidths(full, amplitude).into_iter().collect(),
         values,
         ..answer
     }

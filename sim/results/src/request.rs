@@ -1,13 +1,15 @@
 //! What is asked of a design, and what is designed where only a purpose is known.
 
 use miette::Diagnostic;
+use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Setting};
-use rotorlead_plant::{Model, Word};
+use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Latency, Setting, design};
+use rotorlead_plant::{Model, PlantError, Word};
+use rotorlead_records::Finding;
 use rotorlead_vehicle::{ActuatorKind, Asked, Choice, NOT_A_LAG, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
 
-use super::design::Designed;
+use super::design::DesignResult;
 
 /// What is asked of a design. What is not given is the default of the kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,19 +45,21 @@ pub enum Kind {
     Inverse,
 }
 
-/// What was designed for a purpose.
+/// What is to be designed for a model.
 pub struct Chosen {
-    /// The compensator.
-    pub designed: Designed,
+    /// The kind, and what is asked of it.
+    pub options: KindOptions,
     /// What it was chosen from; `None` where its kind was asked for.
     pub recommendation: Option<Recommendation>,
+    /// Where the model does not allow a default.
+    pub findings: Vec<Finding>,
 }
 
 /// Why there is no design.
 #[derive(Debug, Error, Diagnostic)]
 pub enum RequestError {
     /// None is best.
-    #[error("no compensator is recommended for {purpose}: {why}")]
+    #[error("none is recommended for {purpose}, as {why}")]
     #[diagnostic(help("{other}; the kind `lead` or `inverse` is designed all the same where it is asked for"))]
     NoneRecommended {
         /// What it would be for.
@@ -73,6 +77,10 @@ pub enum RequestError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     NotDesigned(#[from] CompensatorError),
+    /// The model is impossible.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Impossible(#[from] PlantError),
 }
 
 impl DesignRequest {
@@ -131,22 +139,48 @@ impl DesignRequest {
         }
     }
 
-    /// Designs the kind that is asked for, or what is recommended for `purpose`.
+    /// Rate at which the filter runs, hertz.
+    #[must_use]
+    pub fn loop_rate_hz(&self) -> f64 {
+        self.loop_rate_hz.unwrap_or(DEFAULT_LOOP_RATE_HZ)
+    }
+
+    /// Designs for `model` what is asked for, or what is recommended for `purpose`, and predicts what comes of it.
     ///
     /// # Errors
     /// Where none is recommended, or the kind cannot be designed.
-    pub fn design(&self, model: &Model, purpose: Purpose) -> Result<Chosen, RequestError> {
+    pub fn design(&self, model: &Model, purpose: Purpose, latency: Latency) -> Result<DesignResult, RequestError> {
+        DesignResult::of(model, self.chosen(model, purpose)?, latency)
+    }
+
+    /// The kind that is asked for, or what is recommended for `purpose`.
+    ///
+    /// # Errors
+    /// Where none is recommended.
+    pub fn chosen(&self, model: &Model, purpose: Purpose) -> Result<Chosen, RequestError> {
         if let Some(kind) = self.kind() {
-            return Ok(Chosen { designed: Designed::of(model, &self.options(kind))?, recommendation: None });
+            return Ok(self.of_kind(kind, model));
         }
         let is_none = model.judgement().is_some_and(|judgement| judgement.state == Word::NotALag);
         let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
-        let recommendation = recommend(model, is_none.then_some(NOT_A_LAG), &asked)?;
+        self.recommended(model, purpose, recommend(model, is_none.then_some(NOT_A_LAG), &asked)?)
+    }
+
+    /// What `recommendation` has for `purpose`.
+    ///
+    /// # Errors
+    /// Where that is none.
+    pub fn recommended(
+        &self,
+        model: &Model,
+        purpose: Purpose,
+        recommendation: Recommendation,
+    ) -> Result<Chosen, RequestError> {
         let choice = recommendation.of(purpose);
-        let options = match choice.actuator {
-            ActuatorKind::Lead => self.options(Kind::Lead),
+        let chosen = match choice.actuator {
+            ActuatorKind::Lead => self.of_kind(Kind::Lead, model),
             ActuatorKind::Inverse { omega_f_rad_s } => {
-                Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.options(Kind::Inverse)
+                Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.of_kind(Kind::Inverse, model)
             }
             ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
                 let other = match recommendation.of(purpose.other()) {
@@ -157,7 +191,26 @@ impl DesignRequest {
                 return Err(RequestError::NoneRecommended { purpose: purpose.words(), why, other });
             }
         };
-        Ok(Chosen { designed: Designed::of(model, &options)?, recommendation: Some(recommendation) })
+        Ok(Chosen { recommendation: Some(recommendation), ..chosen })
+    }
+
+    /// A kind for `model`: where no omega_g is asked for and the motor is too slow for the paper's, the highest that it allows.
+    fn of_kind(&self, kind: Kind, model: &Model) -> Chosen {
+        let mut options = self.options(kind);
+        let mut findings = Vec::new();
+        if let KindOptions::Lead(lead) = &mut options
+            && self.omega_g_rad_s.is_none()
+            && let Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) = design(model, lead)
+        {
+            let message = format!(
+                "the lead amplifies up to {largest_omega_g_rad_s:.1} rad/s (omega_g), lower than the paper's {:.1}: the highest at which \
+                 the controller's numbers hold it for so slow a motor",
+                lead.omega_g_rad_s
+            );
+            findings.push(Finding::warning(message, None));
+            lead.omega_g_rad_s = largest_omega_g_rad_s;
+        }
+        Chosen { options, recommendation: None, findings }
     }
 }
 

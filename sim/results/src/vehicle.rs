@@ -130,7 +130,7 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
 fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     let (at, first) = (&study.latencies[index], &study.latencies[0]);
     let sensitivity = |row: &Row| match at.kept_gains.iter().find(|kept| kept.actuator == row.actuator) {
-        None => Datum::Unknown("-"),
+        None => Datum::Unknown("-".into()),
         Some(kept) => kept.max_sensitivity.map_or_else(|| Datum::Words("unstable".to_owned()), Datum::Number),
     };
     let mut caption = format!(

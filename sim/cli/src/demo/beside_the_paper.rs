@@ -4,8 +4,8 @@ use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict, with_std};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
-use rotorlead_results::bandwidth_cell;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
+use rotorlead_results::{bandwidth_cell, bandwidth_range};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -39,10 +39,10 @@ impl Demonstrated<'_> {
             "The paper's own measured bandwidths lie elsewhere: its actuators are more than a lag, those simulated here are not."
                 .to_owned(),
         ];
-        let compensated = |points: &[BandwidthPoint]| report_pages::extent(points, |point| point.compensated);
+        let compensated = |points: &[BandwidthPoint]| bandwidth_range(points, |point| point.compensated);
         let headline = format!(
             "Bandwidth: {} rad/s without a compensator, {} with the paper's lead, {} with the inverse.",
-            report_pages::extent(self.simulated, |point| point.uncompensated),
+            bandwidth_range(self.simulated, |point| point.uncompensated),
             compensated(self.simulated),
             compensated(&self.inverse.simulated),
         );

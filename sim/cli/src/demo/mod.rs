@@ -12,8 +12,8 @@ use clap::Args;
 use miette::IntoDiagnostic as _;
 use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
-use rotorlead_answer::{Color, Figure, FigureKind, Mark, Report};
-use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
+use rotorlead_answer::{Color, Figure, FigureKind, Mark, Report, Section};
+use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
     PeriodicOptions, RecordValidation, bandwidth_of, identify_periodic, validate,
@@ -24,8 +24,8 @@ use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
-    Curve, IdentifyResult, bandwidth_section, bode, design_section, excitation_section, flight_section,
-    measured_response, simulation_and_experiment, validation_answer,
+    BandwidthResult, Curve, IdentifyResult, MeasuredRecords, bode, design_section, excitation_section, flight_section,
+    validation_answer,
 };
 use serde::Serialize;
 
@@ -84,7 +84,7 @@ impl Measured {
 struct Demonstrated<'a> {
     model: &'a Model,
     validated: &'a [RecordValidation],
-    design: &'a LeadDesign,
+    compensator: &'a Section,
     /// By the lags of the paper and its compensator.
     simulated: &'a [BandwidthPoint],
     measured: &'a [Measured],
@@ -164,7 +164,11 @@ impl Demo {
         let of_records = [before, after].concat();
         // The paper's own simulation: the lags of Table 1 and the compensator that they give.
         let papers_design = rotorlead_identify::design::design(&actuators, &DesignOptions::default())?;
-        let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
+        let papers_chain = Chain::Continuous(papers_design.lead());
+        let latency = Latency::standard(papers_design.loop_rate_hz());
+        let mut simulated = BandwidthResult::of(&actuators, papers_chain, latency)?;
+        let nominals = [&found.nominals[..], &compensated.nominals].concat();
+        simulated.measured = Some(MeasuredRecords { bandwidths: of_records, nominals });
 
         let inverse = InverseDemonstration::of(&actuators, model, &plan, &compensator)?;
 
@@ -172,6 +176,7 @@ impl Demo {
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator.write(&self.out.join("compensator.toml"))?;
+        let of_design = design_section(&compensator, model);
         let drawn = bode_plot(&design, found, &compensated);
         write_file(&figure, svg(&drawn)?.as_bytes())?;
         inverse.design.write(&self.out.join("inverse.toml"))?;
@@ -180,15 +185,13 @@ impl Demo {
         let result = Demonstrated {
             model,
             validated: &validated,
-            design: &design,
-            simulated: &simulated,
+            compensator: &of_design,
+            simulated: &simulated.points,
             measured: &measured,
             inverse: &inverse,
         };
         let written = self.report.write(|| {
-            let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
-            bandwidth.figures.extend(measured_response(found, &compensated));
-            bandwidth.figures.extend(simulation_and_experiment(found, &compensated, &compensator));
+            let mut bandwidth = simulated.section(papers_chain);
             bandwidth.figures.push(drawn);
             bandwidth.tables.push(inverse.table());
             bandwidth.figures.push(inverse.figure.clone());
@@ -197,7 +200,7 @@ impl Demo {
                 identified.answer(&stand).section(),
                 excitation_section(&stand),
                 validation_answer(&validated, &identified.assessment.judgement, None, stand.output).section(),
-                design_section(&compensator, model),
+                of_design.clone(),
                 bandwidth,
                 result.beside_the_paper(),
             ];
@@ -207,7 +210,7 @@ impl Demo {
             Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }
         })?;
         let text = result.text(&self.out, [&figure, &steps]).into_diagnostic()? + &written;
-        let bandwidth = PAPER.iter().zip(&simulated).zip(&measured);
+        let bandwidth = PAPER.iter().zip(&simulated.points).zip(&measured);
         let values = Values {
             points: &model.points,
             validation: &validated,

@@ -3,17 +3,17 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use rotorlead_answer::Weight;
 use rotorlead_results::paper::CONTRADICTIONS;
 use rotorlead_results::validation_in_words;
 
 use super::Demonstrated;
-use crate::design::describe;
 use rotorlead_answer::words::{paragraph, wrapped};
 
 impl Demonstrated<'_> {
     /// For people.
     pub(super) fn text(&self, folder: &Path, [bode, steps]: [&Path; 2]) -> Result<String, std::fmt::Error> {
-        let Self { model, validated, design, .. } = *self;
+        let Self { validated, compensator, .. } = *self;
         let mut out = String::new();
         let [lags, fits, simulated, measured] = self.tables();
         writeln!(out, "{}\n{}", lags.text(), fits.text())?;
@@ -21,7 +21,9 @@ impl Demonstrated<'_> {
         let said = validation_in_words(validated).into_iter().chain(further.map(str::to_owned));
         out.extend(said.map(|sentence| paragraph(&sentence, "  ")));
 
-        writeln!(out, "\nCompensator\n\n{}", describe(design, model))?;
+        for table in compensator.tables.iter().filter(|table| table.weight == Weight::Shown) {
+            writeln!(out, "\n{}", table.text())?;
+        }
 
         writeln!(out, "{}\n{}", simulated.text(), measured.text().trim_end())?;
         writeln!(

@@ -6,6 +6,7 @@ use clap::Args;
 use rotorlead::settings::Key;
 use rotorlead_device::curve_text;
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
+use rotorlead_records::Finding;
 use rotorlead_results::of_another_model;
 
 /// A compensator to be set, and where.
@@ -28,7 +29,7 @@ pub struct Changes {
     /// Names and values of the settings; none where no file is given.
     pub settings: Vec<(String, String)>,
     /// Where the compensator is of another model than the one given.
-    pub warning: Option<String>,
+    pub warning: Option<Finding>,
 }
 
 impl CompensatorArguments {

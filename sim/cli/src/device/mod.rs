@@ -23,8 +23,9 @@ use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
 use rotorlead_records::files::Quantity;
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome, Verbosity, warning_lines};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::number;
+use rotorlead_answer::words::warning;
 
 /// Talks to a controller over its serial port, or to one in the emulator
 #[derive(Args, Debug)]
@@ -130,7 +131,7 @@ fn info(session: &mut Session) -> miette::Result<Outcome> {
                  loop_rate_hz) if the ESC allows it, or lower the flight controller's rate",
                 path.input_hz, path.output_hz
             );
-            text.push_str(&warning_lines(&what));
+            text.push_str(&warning(&what));
         }
     }
     Ok(Outcome::new(text, &info))

@@ -4,11 +4,12 @@ use clap::Args;
 use miette::miette;
 use rotorlead::controller::filters;
 use rotorlead::settings::{CompensatorKind, Key};
+use rotorlead_answer::words;
 use rotorlead_device::{DeviceError, Session, change};
 use serde_json::{Map, Value, json};
 
 use super::super::WrongUse;
-use super::super::outcome::{Outcome, warning_lines, without_mark};
+use super::super::outcome::Outcome;
 use super::compensator::{Changes, CompensatorArguments};
 use super::design_remedy;
 
@@ -38,7 +39,7 @@ impl Set {
             return Err(DeviceError::NotChosen { act: "setting anything else alone", help }.into());
         }
         let of_controller = session.set_settings(&settings)?;
-        let mut warnings = without_mark(warning.as_slice());
+        let mut warnings: Vec<String> = warning.into_iter().map(|finding| finding.sentence()).collect();
         warnings.extend(of_controller.iter().map(|warning| warning.to_string()));
         let mut text = String::new();
         for (key, value) in &changes {
@@ -48,9 +49,7 @@ impl Set {
         if settings.compensator == CompensatorKind::Inverse {
             text.push_str("the output of an inverse stays within each motor's idle and max\n");
         }
-        for warning in &warnings {
-            text.push_str(&warning_lines(warning));
-        }
+        text.extend(warnings.iter().map(|sentence| words::warning(sentence)));
         let set: Map<String, Value> = changes.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
         let mut json = json!({ "set": set, "warnings": warnings });
         // As a script that sets one key reads it.

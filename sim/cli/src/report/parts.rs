@@ -3,19 +3,21 @@
 use std::path::Path;
 
 use miette::WrapErr as _;
+use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
+use rotorlead_answer::Answer;
 use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_identify::check::{Findings, of_record};
+use rotorlead_identify::design::Latency;
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
-use rotorlead_identify::design::{
-    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
-    design_inverse,
-};
-use rotorlead_identify::{IdentifyOptions, MeasuredBandwidth, RecordValidation};
-use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Judgement, Model};
+use rotorlead_identify::{IdentifyOptions, RecordValidation};
+use rotorlead_plant::{ActiveEffect, Catalog, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
-use rotorlead_results::{DesignRequest, IdentifyResult, Kind, redesign_notes, redesign_refusals, transform};
-use rotorlead_vehicle::{Purpose, Recommendation, design_options};
+use rotorlead_results::{
+    Chosen, DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals,
+    transform,
+};
+use rotorlead_vehicle::{Purpose, Recommendation};
 
 use crate::bandwidth::RESAMPLES;
 use crate::{diagnose as diagnosis, progress};
@@ -42,10 +44,7 @@ pub(super) struct Parts {
     pub recommendation: Option<Recommendation>,
     /// What was to be designed.
     pub options: Part<KindOptions>,
-    pub designed: Part<Designed>,
-    /// The highest `omega_g` that the model allows, where it is too slow for the paper's, rad/s.
-    pub lowered_omega_g_rad_s: Option<f64>,
-    pub measured: Vec<MeasuredBandwidth>,
+    pub designed: Part<Answer>,
     pub diagnosed: Option<Part<Diagnosis>>,
     /// What `rotorlead check` finds in the records.
     pub findings: Vec<Finding>,
@@ -59,32 +58,16 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    fn options(self, recommendation: Option<&Recommendation>, omega_g_rad_s: Option<f64>) -> Part<KindOptions> {
-        if let Some(kind) = self.kind {
-            return Ok(DesignRequest { omega_g_rad_s, ..DesignRequest::default() }.options(kind));
-        }
-        let recommendation = recommendation.ok_or("what to fly cannot be said of this model")?;
-        let choice = recommendation.of(self.purpose);
-        let none = || {
-            format!(
-                "none is recommended for {}, as {}. --kind designs one all the same",
-                self.purpose.words(),
-                choice.why
-            )
+    fn chosen(self, model: &Model, recommendation: Option<&Recommendation>) -> Part<Chosen> {
+        let request = DesignRequest { kind: self.kind, ..DesignRequest::default() };
+        let chosen = match recommendation {
+            Some(recommendation) if self.kind.is_none() => {
+                request.recommended(model, self.purpose, recommendation.clone())
+            }
+            _ => request.chosen(model, self.purpose),
         };
-        design_options(choice.actuator, &Default::default()).ok_or_else(none)
+        chosen.map_err(|error| said(&error.into()))
     }
-}
-
-/// A compensator, and what it was designed for.
-pub(super) struct Designed {
-    pub design: CompensatorDesign,
-    pub points: Vec<BandwidthPoint>,
-    /// Of the whole chain, with a controller's default pulses.
-    pub phases: Vec<ChainPhase>,
-    pub model: Model,
-    /// What is to be known of it beside the numbers.
-    pub remarks: Vec<String>,
 }
 
 /// An error with what to do, as a sentence.
@@ -131,7 +114,10 @@ impl Parts {
         }
         bar.set_message("measuring");
         let found = identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
-        let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
+        let measured = found.map(|found| MeasuredRecords {
+            bandwidths: found.bandwidths(RESAMPLES, SEED).unwrap_or_default(),
+            nominals: found.nominals.clone(),
+        });
         let diagnosed = with_diagnosis.then(|| {
             bar.set_message("diagnosing");
             let mut experiment = experiment.clone();
@@ -155,26 +141,30 @@ impl Parts {
         };
         let is_of_steps = identified.as_ref().is_ok_and(|found| found.identification.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
-        let lowered_omega_g_rad_s = match asked.kind {
-            Some(Kind::Lead) => lowered(extended.as_ref().unwrap_or(&model)),
-            Some(Kind::Inverse) | None => None,
-        };
-        let options = asked.options(recommendation.as_ref(), lowered_omega_g_rad_s);
+        let chosen = asked.chosen(extended.as_ref().unwrap_or(&model), recommendation.as_ref());
+        let options = chosen.as_ref().map(|chosen| chosen.options).map_err(Clone::clone);
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
-            options.clone().and_then(|options| match lacking.zip(extended) {
-                Some((found, extended)) => {
-                    let with_effects = designed_with_effects(found, extended, options, experiment);
-                    match with_effects {
-                        // Lags of steps have in them what the effects do to a step, and would have it twice.
-                        Ok(Designed { remarks, .. }) if is_of_steps => {
-                            designed(&model, options).map(|designed| Designed { remarks, ..designed })
-                        }
-                        with_effects => with_effects,
+            chosen.and_then(|mut chosen| {
+                let (mut model, mut text) = (&model, Vec::new());
+                if let Some((found, extended)) = lacking.zip(extended.as_ref()) {
+                    text = remarks(found, extended, chosen.options, experiment)?;
+                    // Lags of steps have in them what the effects do to a step, and would have it twice.
+                    if !is_of_steps {
+                        let effects = ActiveEffect::of_model(extended).map_err(|error| said(&error.into()))?;
+                        let of_extended = "For the model that the diagnosis has extended.".to_owned();
+                        text.splice(0..0, (!effects.is_empty()).then_some(of_extended));
+                        chosen.options = chosen.options.within(&effects);
+                        model = extended;
                     }
                 }
-                None => designed(&model, options),
+                chosen.recommendation.clone_from(&recommendation);
+                let mut found = DesignResult::of(model, chosen, Latency::standard(DEFAULT_LOOP_RATE_HZ))
+                    .map_err(|error| said(&error.into()))?;
+                found.bandwidth.measured = measured;
+                // What the model was judged to be is said of the model itself.
+                Ok(Answer { text, findings: found.findings.clone(), ..found.answer(model) })
             })
         };
         bar.finish_and_clear();
@@ -188,8 +178,6 @@ impl Parts {
             recommendation,
             options,
             designed,
-            lowered_omega_g_rad_s,
-            measured,
             diagnosed,
             findings,
         })
@@ -206,27 +194,6 @@ impl Parts {
     }
 }
 
-/// What `omega_g` has to be lowered to where nobody asked for one and the fastest motor is too slow for the paper's.
-fn lowered(model: &Model) -> Option<f64> {
-    match design(model, &DesignOptions::default()) {
-        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => Some(largest_omega_g_rad_s),
-        _ => None,
-    }
-}
-
-/// For the model as it is, as `rotorlead bandwidth` does.
-fn designed(model: &Model, options: KindOptions) -> Part<Designed> {
-    let effects = ActiveEffect::of_model(model).map_err(|error| said(&error.into()))?;
-    let design = match options {
-        KindOptions::Lead(options) => design(model, &options).map(CompensatorDesign::from),
-        KindOptions::Inverse(options) => design_inverse(model, &options).map(|found| found.compensator.into()),
-    };
-    let design = design.map_err(|error| said(&error.into()))?;
-    let points = bandwidths_with(model, &effects, Chain::Designed(&design));
-    let phases = phases(model, &effects, &design, &points);
-    Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
-}
-
 /// A model of steps with what was missing in it, which says whether a lead is of use at all. Its lags are those of each level, where a
 /// diagnosis of steps has one for all, and its dead time is theirs.
 fn with_effects(model: &Model, found: &Diagnosis) -> Model {
@@ -234,33 +201,17 @@ fn with_effects(model: &Model, found: &Diagnosis) -> Model {
     Model { effects: found.model.effects.iter().filter(is_known).cloned().collect(), ..model.clone() }
 }
 
-/// For the model with what was missing in it; none where it would ask for more than the actuator follows.
-fn designed_with_effects(
-    found: &Diagnosis,
-    model: Model,
-    design: KindOptions,
-    experiment: &Experiment,
-) -> Part<Designed> {
+/// What is to be said of a compensator for the model with what was missing in it, or why there is none: it would ask for more than the
+/// actuator follows.
+fn remarks(found: &Diagnosis, model: &Model, design: KindOptions, experiment: &Experiment) -> Part<Vec<String>> {
     let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
-    let redesigned = redesign(&model, &options, &|| ()).map_err(|error| said(&error.into()))?;
+    let redesigned = redesign(model, &options, &|| ()).map_err(|error| said(&error.into()))?;
     let remarks = redesign_notes(found, &redesigned);
-    if let Some(refusal) = redesign_refusals(&redesigned).last() {
-        let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
-        return Err(reasons.collect::<Vec<_>>().join(". "));
+    match redesign_refusals(&redesigned).last() {
+        Some(refusal) => {
+            let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
+            Err(reasons.collect::<Vec<_>>().join(". "))
+        }
+        None => Ok(remarks),
     }
-    let effects = ActiveEffect::of_model(&model).map_err(|error| said(&error.into()))?;
-    let design = redesigned.full.design;
-    let points: Vec<_> = redesigned.full.points.into_iter().map(|point| point.small).collect();
-    let phases = phases(&model, &effects, &design, &points);
-    Ok(Designed { design, points, phases, model, remarks })
-}
-
-fn phases(
-    model: &Model,
-    effects: &[ActiveEffect],
-    design: &CompensatorDesign,
-    points: &[BandwidthPoint],
-) -> Vec<ChainPhase> {
-    let latency = Latency::standard(design.loop_rate_hz());
-    chain_phases(model, effects, Chain::Designed(design), &latency, points)
 }

@@ -7,38 +7,40 @@ use rotorlead_answer::{Report, Section, Table, Tone, Verdict};
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{DesignOptions, InverseOptions};
+use rotorlead_records::import::shell_word;
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{
-    JudgementValues, bandwidth_section, design_section, diagnosis_answer, excitation_section, flight_section,
-    judged_verdict, lost_gain, measured_response, parameter_with_std, points_table, recommendation_table,
-    simulation_and_experiment, to_fly_in_short, validation_answer,
+    JudgementValues, diagnosis_answer, excitation_section, flight_section, judged_verdict, parameter_with_std,
+    points_table, recommendation_table, to_fly_in_short, validation_answer,
 };
 use serde_json::{Value, json};
 
 use super::ReportCommand;
-use super::parts::{Designed, Parts};
+use super::parts::Parts;
 use crate::measured::Measured;
-use crate::outcome::without_mark;
 use crate::report_option::this_command;
 use crate::report_pages;
+
+/// By when warnings of the records are to be read.
+const MODEL_USED: &str = "the model is used";
 
 impl Parts {
     /// All of it as one report. `given` is the file of the model that was judged.
     pub fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
-        let warnings = in_groups(&self.findings);
+        let of_records = in_groups(&self.findings);
+        let of_design = self.designed.iter().flat_map(|answer| in_groups(&answer.findings));
         let judged = given.map(|file| report_pages::file("Model that was judged", file));
         Report {
             facts: [report_pages::records(experiment, command.measured.path()), judged.into_iter().collect()].concat(),
             sections: self.sections(experiment),
             commands: self.commands(&command.measured, given),
-            verdict: self.verdict(experiment, warnings.len()),
-            warnings,
+            verdict: self.verdict(experiment, of_records.len()),
+            warnings: of_records.iter().cloned().chain(of_design).collect(),
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
         }
     }
 
     fn sections(&self, experiment: &Experiment) -> Vec<Section> {
-        let found = self.identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
         let mut sections = match &self.identified {
             Ok(found) => vec![found.answer(experiment).section(), excitation_section(experiment)],
             Err(reason) => {
@@ -59,32 +61,11 @@ impl Parts {
             None => {}
         }
         match &self.designed {
-            Ok(Designed { design, points, phases, model, remarks }) => {
-                let mut compensator = design_section(design, model);
-                if self.missing().is_some() && !self.is_of_steps() {
-                    compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
-                }
-                if let Some(omega_g) = self.lowered_omega_g_rad_s {
-                    compensator.text.push(format!(
-                        "Its omega_g is {omega_g:.1} rad/s, lower than the paper's {:.1}: the highest at which the controller's \
-                         numbers hold the lead for so slow a motor.",
-                        DesignOptions::default().omega_g_rad_s
-                    ));
-                }
-                compensator.text.extend(remarks.iter().cloned());
-                sections.push(compensator);
-                let mut bandwidth = bandwidth_section(points, phases, &self.measured);
-                if let Some(found) = found {
-                    bandwidth.figures.extend(measured_response(found, found));
-                    bandwidth.figures.extend(simulation_and_experiment(found, found, design));
-                }
-                sections.push(bandwidth);
-            }
-            Err(reason) => sections.push(left_out("compensator", "Compensator", reason)),
-        }
-        let compensator = sections.iter_mut().find(|section| section.name == "compensator");
-        if let (Some(section), Some(found)) = (compensator, &self.recommendation) {
-            section.tables.insert(0, recommendation_table(found));
+            Ok(answer) => sections.push(answer.section()),
+            Err(reason) => sections.push(Section {
+                tables: self.recommendation.iter().map(recommendation_table).collect(),
+                ..left_out("compensator", "Compensator", reason)
+            }),
         }
         sections
     }
@@ -106,12 +87,12 @@ impl Parts {
         let own = self.identified.as_ref().ok().filter(|_| !self.is_given);
         match (self.missing().filter(|_| !self.is_of_steps()), own) {
             (None, Some(found)) => {
-                verdicts.push(report_pages::warned(found.answer(experiment).verdict, warnings));
+                verdicts.push(report_pages::warned(found.answer(experiment).verdict, warnings, MODEL_USED));
             }
             (missing, _) => {
                 if let Some(found) = missing {
                     let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
-                    verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+                    verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings, MODEL_USED));
                 }
                 verdicts.push(judged_verdict(&self.judgement));
                 verdicts.extend(
@@ -127,12 +108,11 @@ impl Parts {
             verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
         match &self.designed {
-            Ok(Designed { design, points, phases, .. }) => {
-                let lost: Vec<String> = lost_gain(points, phases).into_iter().collect();
-                let mut verdict = report_pages::designed(design, points, lost.len());
-                verdict.sentences.extend(without_mark(&lost).into_iter().map(|warning| format!("But {warning}.")));
-                verdicts.push(verdict);
-            }
+            Ok(answer) => verdicts.push(report_pages::warned(
+                answer.verdict.clone(),
+                answer.findings.len(),
+                "the compensator flies",
+            )),
             Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
         }
         if let Some(Ok(found)) = &self.diagnosed
@@ -180,10 +160,7 @@ impl Parts {
 
     /// The report again, and each part by itself.
     fn commands(&self, measured: &Measured, given: Option<&Path>) -> Vec<String> {
-        let quoted = |path: &Path| {
-            let path = path.display().to_string();
-            shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
-        };
+        let quoted = |path: &Path| shell_word(&path.display().to_string()).into_owned();
         let (folder, model) = (quoted(measured.as_folder()), given.map_or_else(|| "model.toml".to_owned(), quoted));
         let mut commands = vec![this_command()];
         commands.extend(measured.import_command());
@@ -192,14 +169,17 @@ impl Parts {
         }
         commands.push(format!("rotorlead validate {folder} --model {model}"));
         let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
-        let own = match (&self.options, self.lowered_omega_g_rad_s) {
-            (Ok(KindOptions::Lead(_)), Some(omega_g)) => format!(" --kind lead --omega-g {omega_g:.1}"),
-            (Ok(KindOptions::Lead(_)), None) => " --kind lead".to_owned(),
-            (Ok(KindOptions::Inverse(InverseOptions { omega_f_rad_s: Some(omega), .. })), _) => {
+        let papers = DesignOptions::default().omega_g_rad_s;
+        let own = match &self.options {
+            Ok(KindOptions::Lead(DesignOptions { omega_g_rad_s, .. })) if *omega_g_rad_s < papers => {
+                format!(" --kind lead --omega-g {omega_g_rad_s:.1}")
+            }
+            Ok(KindOptions::Lead(_)) => " --kind lead".to_owned(),
+            Ok(KindOptions::Inverse(InverseOptions { omega_f_rad_s: Some(omega), .. })) => {
                 format!(" --kind inverse --natural {omega:.0}")
             }
-            (Ok(KindOptions::Inverse(_)), _) => " --kind inverse".to_owned(),
-            (Err(_), _) => String::new(),
+            Ok(KindOptions::Inverse(_)) => " --kind inverse".to_owned(),
+            Err(_) => String::new(),
         };
         let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
         // Steps have their lags level by level, which the compensator is designed for with or without effects.

@@ -72,11 +72,32 @@ fn lag(point: &Point, omega_rad_s: f64) -> Complex64 {
     point.gain / Complex64::new(1.0, point.time_constant_s * omega_rad_s)
 }
 
+impl<'a> Chain<'a> {
+    /// The compensator, where it is a design.
+    #[must_use]
+    pub fn design(self) -> Option<&'a CompensatorDesign> {
+        match self {
+            Self::Continuous(_) => None,
+            Self::Designed(design) | Self::Sampled { design, .. } => Some(design),
+        }
+    }
+
+    /// The lead that the compensator is at a nominal command, for small signals; `None` where it is bypassed.
+    #[must_use]
+    pub fn lead_at(self, nominal: f64) -> Option<LeadParameters> {
+        match self {
+            Self::Continuous(lead) => Some(*lead),
+            Self::Designed(design) | Self::Sampled { design, .. } => design.lead_at(nominal),
+        }
+    }
+}
+
 impl Chain<'_> {
     pub(super) fn filter(&self, nominal: f64, omega_rad_s: f64) -> Complex64 {
         match self {
-            Self::Continuous(lead) => lead.response(omega_rad_s),
-            Self::Designed(design) => design.lead_at(nominal).map_or(Complex64::ONE, |lead| lead.response(omega_rad_s)),
+            Self::Continuous(_) | Self::Designed(_) => {
+                self.lead_at(nominal).map_or(Complex64::ONE, |lead| lead.response(omega_rad_s))
+            }
             Self::Sampled { design, .. } => design.response(nominal, omega_rad_s),
         }
     }

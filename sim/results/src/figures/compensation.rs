@@ -1,13 +1,10 @@
 //! Compensators and compensated responses: the paper's Figs. 8 to 12.
 
 use num_complex::Complex64;
-use rotorlead::design::LeadParameters;
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_identify::design::BandwidthPoint;
-use rotorlead_identify::design::redesign::RedesignPoint;
-use rotorlead_identify::{
-    Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
-};
+use rotorlead_identify::design::redesign::Compensated;
+use rotorlead_identify::design::{BandwidthPoint, Chain};
+use rotorlead_identify::{Bandwidth, MeasuredBandwidth, NominalIdentification, RecordResponse, THREE_DB};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 
 use super::bode::{Curve, bode};
@@ -19,6 +16,15 @@ const FROM_RAD_S: f64 = 0.63;
 const TO_RAD_S: f64 = 1000.0;
 /// Lowest phase drawn of a chain without measurement, degrees.
 const LOWEST_PHASE_DEG: f64 = -360.0;
+
+/// The color of a compensator's kind, as it is wherever kinds are compared. Without a design it is a lead.
+#[must_use]
+pub fn color(design: Option<&CompensatorDesign>) -> Color {
+    match design.map(|design| &design.kind) {
+        Some(FilterDesign::Inverse(_)) => Color::Blue,
+        Some(FilterDesign::Lead(_)) | None => Color::Vermilion,
+    }
+}
 
 /// The level that defines a bandwidth.
 fn levels() -> [(&'static str, f64); 1] {
@@ -35,8 +41,9 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
     let caption = match &design.kind {
         FilterDesign::Lead(design) => {
             let lead = design.lead();
-            curves.push(Curve::of_model("C(s)", Mark::Line, Color::Blue, ends, |omega| lead.response(omega)));
-            curves.push(Curve::of_model(rate, Mark::Dashes, Color::Vermilion, ends, |omega| design.response(omega)));
+            curves.push(Curve::of_model("C(s)", Mark::Line, Color::Vermilion, ends, |omega| lead.response(omega)));
+            // Lines of one color would hide each other where they agree.
+            curves.push(Curve::of_model(rate, Mark::Dashes, Color::Purple, ends, |omega| design.response(omega)));
             format!(
                 "It amplifies from its zero at {:.2} rad/s up to {:.0} rad/s, so that the command moves more than the flight controller \
                  asks for: a step is answered by at most {:.2} times that step.",
@@ -65,16 +72,16 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
     Figure::new(FigureKind::Compensator, "Compensator", &caption, bode(&curves, "dB", &[]))
 }
 
-/// The model's lags over their static gain, without and with the compensator, which at each nominal command is a lead or nothing.
+/// The model's lags over their static gain, without and with the compensator of `chain`, for small signals.
 #[must_use]
-pub fn simulated(model: &Model, lead_at: &dyn Fn(f64) -> Option<LeadParameters>) -> Figure {
+pub fn simulated(model: &Model, chain: Chain) -> Figure {
     let curves = model.points.iter().enumerate().flat_map(|(index, point)| {
         let (group, color) = (at_nominal(point.nominal), Color::nth(index));
         let lag = |omega: f64| {
             Complex64::from_polar(1.0, -omega * point.delay_s) / Complex64::new(1.0, omega * point.time_constant_s)
         };
         let ends = (FROM_RAD_S, TO_RAD_S);
-        let lead = lead_at(point.nominal);
+        let lead = chain.lead_at(point.nominal);
         let with = |omega: f64| lag(omega) * lead.map_or(Complex64::ONE, |lead| lead.response(omega));
         [
             Curve::of_model(format!("{group}, without"), Mark::Dashes, color, ends, lag).under(&group),
@@ -98,10 +105,10 @@ pub fn simulated(model: &Model, lead_at: &dyn Fn(f64) -> Option<LeadParameters>)
 
 /// Measured responses without and with a compensator, over the static gain; `None` without a compensated record.
 #[must_use]
-pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentification) -> Option<Figure> {
+pub fn measured(found: &[NominalIdentification]) -> Option<Figure> {
     let mut curves = Vec::new();
-    for (index, (with, after)) in with_compensator(compensated).enumerate() {
-        let without = same(plain, with.nominal);
+    for (index, (with, after)) in with_compensator(found).enumerate() {
+        let without = same(found, with.nominal);
         let (group, color) = (at_nominal(with.nominal), Color::nth(index));
         let plain_of = |one: &NominalIdentification| {
             let response = one.responses.iter().find(|response| !response.compensated)?;
@@ -128,14 +135,10 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
 
 /// The compensated response: simulated beside measured; `None` without a compensated record.
 #[must_use]
-pub fn simulation_and_experiment(
-    plain: &PeriodicIdentification,
-    compensated: &PeriodicIdentification,
-    design: &CompensatorDesign,
-) -> Option<Figure> {
+pub fn simulation_and_experiment(found: &[NominalIdentification], design: &CompensatorDesign) -> Option<Figure> {
     let mut curves = Vec::new();
-    for (index, (with, after)) in with_compensator(compensated).enumerate() {
-        let fit = &same(plain, with.nominal).unwrap_or(with).fit;
+    for (index, (with, after)) in with_compensator(found).enumerate() {
+        let fit = &same(found, with.nominal).unwrap_or(with).fit;
         let (gain, measured_gain) = (fit.gain.value, with.fit.gain.value);
         let (group, color) = (at_nominal(with.nominal), Color::nth(index));
         let points = after.actuator.smoothed();
@@ -159,28 +162,31 @@ pub fn simulation_and_experiment(
 }
 
 /// The nominal commands that have a compensated record, with its response.
-fn with_compensator(found: &PeriodicIdentification) -> impl Iterator<Item = (&NominalIdentification, &RecordResponse)> {
-    found.nominals.iter().filter_map(|one| Some((one, one.responses.iter().find(|response| response.compensated)?)))
+fn with_compensator(
+    found: &[NominalIdentification],
+) -> impl Iterator<Item = (&NominalIdentification, &RecordResponse)> {
+    found.iter().filter_map(|one| Some((one, one.responses.iter().find(|response| response.compensated)?)))
 }
 
-fn same(found: &PeriodicIdentification, nominal: f64) -> Option<&NominalIdentification> {
-    let near = |one: &&NominalIdentification| (one.nominal - nominal).abs() < 1e-6;
-    found.nominals.iter().find(near).filter(|one| one.responses.iter().any(|response| !response.compensated))
+/// The identification of records without compensator at the same nominal command.
+fn same(found: &[NominalIdentification], nominal: f64) -> Option<&NominalIdentification> {
+    let is_plain = |one: &NominalIdentification| one.responses.iter().any(|response| !response.compensated);
+    found.iter().find(|one| (one.nominal - nominal).abs() < 1e-6 && is_plain(one))
 }
 
 /// Bandwidth against nominal command: predicted, and measured where records say it. `None` where that is one command, of which the
-/// table says as much.
+/// table says as much. `color` is that of the compensator.
 #[must_use]
-pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Option<Figure> {
+pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth], color: Color) -> Option<Figure> {
     let predicted = |of: fn(&BandwidthPoint) -> Bandwidth| -> Vec<(f64, f64)> {
         points.iter().filter_map(|point| Some((point.nominal, of(point).rad_s()?))).collect()
     };
     let mut series = vec![
         Series::new("without compensator, predicted", Color::Gray, Mark::Line, predicted(|point| point.uncompensated)),
-        Series::new("with compensator, predicted", Color::Blue, Mark::Line, predicted(|point| point.compensated)),
+        Series::new("with compensator, predicted", color, Mark::Line, predicted(|point| point.compensated)),
     ];
     for (name, color, is_compensated) in
-        [("without compensator, measured", Color::Gray, false), ("with compensator, measured", Color::Blue, true)]
+        [("without compensator, measured", Color::Gray, false), ("with compensator, measured", color, true)]
     {
         let found = measured.iter().filter(|one| one.compensated == is_compensated);
         let known: Vec<_> = found.filter_map(|one| Some((one, one.bandwidth.bandwidth.rad_s()?))).collect();
@@ -219,9 +225,10 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
 /// Bandwidth against nominal command with effects present: of small deviations, and of sinusoids of `amplitude` through the
 /// whole chain. `None` as for [`bandwidths`].
 #[must_use]
-pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Option<Figure> {
+pub fn redesigned(compensated: &Compensated, amplitude: f64) -> Option<Figure> {
+    let points = &compensated.points;
     let small: Vec<BandwidthPoint> = points.iter().map(|point| point.small).collect();
-    let mut figure = bandwidths(&small, &[])?;
+    let mut figure = bandwidths(&small, &[], color(Some(&compensated.design)))?;
     let chain = points.iter().filter_map(|point| Some((point.small.nominal, point.chain.magnitude.rad_s()?))).collect();
     let name = format!("with compensator, sinusoids of {amplitude} duty");
     figure.panels[0].series.push(Series::new(name, Color::Green, Mark::Dashes, chain));
@@ -230,4 +237,29 @@ pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Option<Figure> {
                       limits take what the compensator asks for."
         .to_owned();
     Some(figure)
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
+
+    use super::*;
+    use crate::paper::table_1;
+
+    #[test]
+    fn a_lead_and_an_inverse_have_a_color_each_beside_the_bare_motor() {
+        let model = table_1();
+        let lead = CompensatorDesign::from(design(&model, &DesignOptions::default()).unwrap());
+        let inverse = CompensatorDesign::from(design_inverse(&model, &InverseOptions::default()).unwrap().compensator);
+        let colors = |figure: Figure| -> Vec<Color> {
+            figure.panels.iter().flat_map(|panel| &panel.series).map(|series| series.color).collect()
+        };
+        for (design, color_of_kind) in [(&lead, Color::Vermilion), (&inverse, Color::Blue)] {
+            let points = rotorlead_identify::design::bandwidths(&model, Chain::Designed(design));
+            let figure = bandwidths(&points, &[], color(Some(design))).unwrap();
+            assert_eq!(colors(figure), [Color::Gray, color_of_kind]);
+        }
+        let of_lead = colors(compensator(&lead, &model));
+        assert!(of_lead[0] == Color::Vermilion && !of_lead.contains(&Color::Blue), "{of_lead:?}");
+    }
 }

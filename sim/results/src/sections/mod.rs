@@ -1,15 +1,8 @@
 //! The parts of a report: one for each thing that is done, so that a report of a whole experiment is made of the same.
 
-mod bandwidth;
-mod design;
 mod experiment;
 mod stand;
 
-pub use bandwidth::bandwidth_section;
-pub use design::{
-    curve_table, design_section, design_table, discrete_table, fastest_point, in_short, inverse_equation,
-    inverse_table, transfer_function,
-};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use stand::{stand_section, stand_table};
 

@@ -167,9 +167,9 @@ pub enum RedesignError {
 /// [`RedesignError`].
 pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Redesign, RedesignError> {
     let effects = ActiveEffect::of_model(model)?;
-    let full = match &options.design {
+    let full = match &options.design.within(&effects) {
         KindOptions::Lead(options) => CompensatorDesign::from(design(model, options)?),
-        KindOptions::Inverse(options) => design_inverse(model, &limited(*options, &effects))?.compensator.into(),
+        KindOptions::Inverse(options) => design_inverse(model, options)?.compensator.into(),
     };
     let full = full.designed_for(model);
     let remarks = effects.iter().filter_map(|effect| remarks::remark(effect, &full)).collect();
@@ -182,7 +182,17 @@ pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -
     Ok(Redesign { full, weaker, remarks })
 }
 
-/// With the limits of the actuator where they are closer than those that are declared.
+impl KindOptions {
+    /// With the limits that `effects` set an inverse where they are closer than those that are declared.
+    #[must_use]
+    pub fn within(self, effects: &[ActiveEffect]) -> Self {
+        match self {
+            Self::Lead(_) => self,
+            Self::Inverse(options) => Self::Inverse(limited(options, effects)),
+        }
+    }
+}
+
 fn limited(options: InverseOptions, effects: &[ActiveEffect]) -> InverseOptions {
     effects.iter().fold(options, |mut options, effect| {
         match effect.kind().id {

@@ -1,7 +1,8 @@
-//! A compensator that was designed.
+//! A compensator in tables and figures.
 
 use rotorlead::design::{CurvePoint, LeadDesign};
 use rotorlead_answer::{Cell, Column, Section, Table};
+use rotorlead_identify::design::Chain;
 use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, FilterDesign, InverseCompensator, Model, Point};
 
 use crate::figures::compensation::{compensator, simulated};
@@ -9,17 +10,13 @@ use crate::figures::compensation::{compensator, simulated};
 /// Its parameters, what the controller makes of them, and what it does to the model.
 #[must_use]
 pub fn design_section(design: &CompensatorDesign, model: &Model) -> Section {
-    let (text, tables) = match &design.kind {
-        FilterDesign::Lead(lead) => (transfer_function(lead), vec![design_table(lead, model), discrete_table(lead)]),
-        FilterDesign::Inverse(inverse) => {
-            (inverse_equation(inverse), vec![inverse_table(design, inverse), curve_table(inverse)])
-        }
+    let tables = match &design.kind {
+        FilterDesign::Lead(lead) => vec![design_table(lead, model), discrete_table(lead)],
+        FilterDesign::Inverse(inverse) => vec![inverse_table(design, inverse), curve_table(inverse)],
     };
-    let lead_at = |nominal: f64| design.lead_at(nominal);
     Section {
-        text: vec![text],
         tables,
-        figures: vec![simulated(model, &lead_at), compensator(design, model)],
+        figures: vec![simulated(model, Chain::Designed(design)), compensator(design, model)],
         ..Section::new("compensator", "Compensator")
     }
 }
@@ -59,8 +56,7 @@ fn slew_in_short(slew_per_s: Option<f64>) -> String {
 }
 
 /// The recurrence's continuous form in numbers.
-#[must_use]
-pub fn inverse_equation(inverse: &InverseCompensator) -> String {
+fn inverse_equation(inverse: &InverseCompensator) -> String {
     let reference = inverse.design().reference();
     let omega_f2 = reference.omega_f_rad_s.powi(2);
     format!(
@@ -70,13 +66,12 @@ pub fn inverse_equation(inverse: &InverseCompensator) -> String {
 }
 
 /// The parameters of an inverse.
-#[must_use]
-pub fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -> Table {
+fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -> Table {
     let (reference, range, own) = (inverse.design().reference(), inverse.range(), inverse.design());
     let (from, to) = range.compensated;
     parameters(
         "inverse",
-        "The inverse",
+        &format!("The inverse: {}", inverse_equation(inverse)),
         vec![
             row(
                 "natural frequency",
@@ -116,8 +111,7 @@ pub fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -
 }
 
 /// The curve of an inverse, with the gains of its table there.
-#[must_use]
-pub fn curve_table(inverse: &InverseCompensator) -> Table {
+fn curve_table(inverse: &InverseCompensator) -> Table {
     let row = |point: &CurvePoint| {
         vec![
             Cell::number(point.command, 3),
@@ -138,11 +132,11 @@ pub fn curve_table(inverse: &InverseCompensator) -> Table {
         rows: inverse.points().iter().map(row).collect(),
         ..Table::default()
     }
+    .in_detail()
 }
 
 /// C(s) in numbers.
-#[must_use]
-pub fn transfer_function(design: &LeadDesign) -> String {
+fn transfer_function(design: &LeadDesign) -> String {
     let lead = design.lead();
     let omega_f2 = lead.omega_f_rad_s.powi(2);
     format!(
@@ -153,14 +147,12 @@ pub fn transfer_function(design: &LeadDesign) -> String {
 }
 
 /// The point with the fastest pole, on which the zero stands.
-#[must_use]
-pub fn fastest_point(model: &Model) -> Option<&Point> {
+pub(super) fn fastest_point(model: &Model) -> Option<&Point> {
     model.points.iter().min_by(|a, b| a.time_constant_s.total_cmp(&b.time_constant_s))
 }
 
 /// The parameters of C(s), and how far a step of the command is exceeded.
-#[must_use]
-pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
+fn design_table(design: &LeadDesign, model: &Model) -> Table {
     let (lead, check) = (design.lead(), design.check());
     let origin = fastest_point(model).map_or_else(String::new, |point| {
         let percent = |std: f64| format!(" +- {:.1} %", 100.0 * std / point.time_constant_s);
@@ -168,7 +160,7 @@ pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
     });
     parameters(
         "compensator",
-        "The compensator",
+        &format!("The compensator: {}", transfer_function(design)),
         vec![
             row("zero", Cell::number(lead.omega_z_rad_s, 4), "rad/s", &format!("{origin}the fastest pole")),
             row("poles", Cell::number(lead.omega_f_rad_s, 4), "rad/s", "both"),
@@ -200,8 +192,7 @@ pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
 }
 
 /// The integers of the controller, and what the check of the rounded filter found.
-#[must_use]
-pub fn discrete_table(design: &LeadDesign) -> Table {
+fn discrete_table(design: &LeadDesign) -> Table {
     let (check, rounded) = (design.check(), design.coefficients());
     let exact = design.prewarp_rad_s().map_or_else(String::new, |prewarp| format!(", exact at {prewarp} rad/s"));
     let whole = |value: i32| Cell::number(f64::from(value), 0);
@@ -235,6 +226,7 @@ pub fn discrete_table(design: &LeadDesign) -> Table {
             ),
         ],
     )
+    .in_detail()
 }
 
 /// The gain on the noise of the command, by its frequency.

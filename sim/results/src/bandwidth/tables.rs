@@ -1,0 +1,161 @@
+//! The tables of bandwidths, and what programs read of them.
+
+use rotorlead_answer::{Cell, Datum, Table, Typed, Unit, table_of};
+use rotorlead_identify::design::{BandwidthPoint, ChainPhase, Robustness, StepPoint};
+use rotorlead_identify::{Bandwidth, MeasuredBandwidth};
+use serde::Serialize;
+
+const NONE: Unit = Unit::plain("");
+const DUTY: Unit = Unit::plain("duty");
+const RAD_S: Unit = Unit::plain("rad/s");
+const DEGREES: Unit = Unit::plain("deg");
+const PERCENT: Unit = Unit::plain("%");
+
+/// The bandwidths at one nominal command, with the phase of the whole chain there and the frequency at which it is -90 degrees.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct BandwidthValues {
+    #[serde(flatten)]
+    point: BandwidthPoint,
+    uncompensated_phase_deg: Option<f64>,
+    uncompensated_minus_90_rad_s: Bandwidth,
+    compensated_phase_deg: Option<f64>,
+    compensated_minus_90_rad_s: Bandwidth,
+    dead_time_s: f64,
+}
+
+/// One value per nominal command. `phases` are those of the same points.
+pub(super) fn bandwidth_values(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<BandwidthValues> {
+    let values = |(point, phase): (&BandwidthPoint, &ChainPhase)| BandwidthValues {
+        point: *point,
+        uncompensated_phase_deg: phase.uncompensated.phase_deg,
+        uncompensated_minus_90_rad_s: phase.uncompensated.minus_90,
+        compensated_phase_deg: phase.compensated.phase_deg,
+        compensated_minus_90_rad_s: phase.compensated.minus_90,
+        dead_time_s: phase.model_dead_time_s,
+    };
+    points.iter().zip(phases).map(values).collect()
+}
+
+/// A bandwidth in a column, or the frequency up to which there is none.
+#[must_use]
+pub fn bandwidth_text(bandwidth: Bandwidth, digits: usize) -> String {
+    match bandwidth {
+        Bandwidth::At(omega) => format!("{omega:.digits$}"),
+        Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
+    }
+}
+
+/// A bandwidth as a cell: its words and, where there is one, its number.
+#[must_use]
+pub fn bandwidth_cell(bandwidth: Bandwidth, digits: usize) -> Cell {
+    let text = bandwidth_text(bandwidth, digits);
+    match bandwidth.rad_s().filter(|omega_rad_s| omega_rad_s.is_finite()) {
+        Some(omega_rad_s) => Cell::shown(omega_rad_s, text),
+        None => Cell::unknown(text),
+    }
+}
+
+/// The same in a typed column.
+fn datum(bandwidth: Bandwidth) -> Datum {
+    match bandwidth.rad_s().filter(|omega_rad_s| omega_rad_s.is_finite()) {
+        Some(omega_rad_s) => Datum::Number(omega_rad_s),
+        None => Datum::Unknown(bandwidth_text(bandwidth, 0).into()),
+    }
+}
+
+/// One row per nominal command. `phases` are those of the same points.
+pub(super) fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
+    type Row<'a> = (&'a BandwidthPoint, &'a ChainPhase);
+    let factor = |(point, _): &Row| Some(point.compensated.rad_s()? / point.uncompensated.rad_s()?);
+    let columns = [
+        Typed::new("u_nom", "u_nom", DUTY, 3, |(point, _): &Row| point.nominal),
+        Typed::new("uncompensated_rad_s", "without compensator", RAD_S, 4, |(point, _): &Row| {
+            datum(point.uncompensated)
+        }),
+        Typed::new("uncompensated_phase_deg", "phase there without", DEGREES, 1, |(_, phase): &Row| {
+            phase.uncompensated.phase_deg
+        }),
+        Typed::new("uncompensated_minus_90_rad_s", "-90 degrees without", RAD_S, 2, |(_, phase): &Row| {
+            datum(phase.uncompensated.minus_90)
+        }),
+        Typed::new("compensated_rad_s", "with compensator", RAD_S, 4, |(point, _): &Row| datum(point.compensated)),
+        Typed::new("compensated_phase_deg", "phase there with", DEGREES, 1, |(_, phase): &Row| {
+            phase.compensated.phase_deg
+        }),
+        Typed::new("compensated_minus_90_rad_s", "-90 degrees with", RAD_S, 2, |(_, phase): &Row| {
+            datum(phase.compensated.minus_90)
+        }),
+        Typed::new("factor", "factor", NONE, 2, factor).in_detail(),
+    ];
+    let caption = "Predicted bandwidth: the smallest frequency at which the response is 3 dB under its static value";
+    table_of("predicted_bandwidth", caption, &columns, &points.iter().zip(phases).collect::<Vec<_>>())
+}
+
+/// One row per record.
+pub(super) fn measured(measured: &[MeasuredBandwidth]) -> Table {
+    type Row = MeasuredBandwidth;
+    let columns = [
+        Typed::new("file", "record", NONE, 0, |one: &Row| one.file.clone()),
+        Typed::new("u_nom", "u_nom", DUTY, 3, |one: &Row| one.nominal),
+        Typed::new("compensator", "compensator", NONE, 0, |one: &Row| {
+            (if one.compensated { "with" } else { "without" }).to_owned()
+        }),
+        Typed::new("bandwidth_rad_s", "bandwidth", RAD_S, 2, |one: &Row| datum(one.bandwidth.bandwidth)),
+        Typed::new("lower_rad_s", "from", RAD_S, 2, |one: &Row| datum(one.bandwidth.lower)),
+        Typed::new("upper_rad_s", "to", RAD_S, 2, |one: &Row| datum(one.bandwidth.upper)),
+    ];
+    let caption = "Measured bandwidth, and its 95 % interval. Where a compensated response runs almost level near -3 dB, 0.1 dB moves its \
+                   bandwidth by a tenth.";
+    table_of("measured_bandwidths", caption, &columns, measured)
+}
+
+/// Rise, overshoot and settling of each step.
+pub(super) fn steps(steps: &[StepPoint]) -> Table {
+    type Row = StepPoint;
+    let ms = |key, heading: &str, get: fn(&Row) -> Option<f64>| {
+        Typed::new(key, heading, Unit::plain("ms"), 1, move |row: &Row| get(row).map(|seconds| 1e3 * seconds))
+    };
+    let percent = |key, heading: &str, get: fn(&Row) -> f64| {
+        Typed::new(key, heading, PERCENT, 1, move |row: &Row| 100.0 * get(row))
+    };
+    let columns = [
+        Typed::new("u_nom", "u_nom", DUTY, 3, |row: &Row| row.nominal),
+        Typed::new("step", "step", DUTY, 3, |row: &Row| Datum::Shown(row.step, format!("{:+.3}", row.step))),
+        ms("uncompensated_rise_ms", "rise without", |row| row.uncompensated.rise_s),
+        percent("uncompensated_overshoot_percent", "overshoot without", |row| row.uncompensated.overshoot),
+        ms("uncompensated_settling_ms", "settling without", |row| row.uncompensated.settling_s),
+        ms("compensated_rise_ms", "rise with", |row| row.compensated.rise_s),
+        percent("compensated_overshoot_percent", "overshoot with", |row| row.compensated.overshoot),
+        ms("compensated_settling_ms", "settling with", |row| row.compensated.settling_s),
+    ];
+    let caption = "Steps: rise from 10 to 90 %, overshoot, and settling to 5 %, without and with the compensator";
+    table_of("steps", caption, &columns, steps)
+}
+
+/// A compensator on an actuator that differs from its model.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviatingActuator {
+    /// What stands before it.
+    pub compensator: &'static str,
+    /// By what it differs.
+    pub deviation: &'static str,
+    /// What comes of it.
+    #[serde(flatten)]
+    pub found: Robustness,
+}
+
+/// One row per compensator and deviation.
+pub(super) fn robustness(found: &[DeviatingActuator]) -> Table {
+    type Row = DeviatingActuator;
+    let columns = [
+        Typed::new("compensator", "", NONE, 0, |row: &Row| row.compensator.to_owned()),
+        Typed::new("deviation", "actuator", NONE, 0, |row: &Row| row.deviation.to_owned()),
+        Typed::new("lowest_rad_s", "lowest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.lowest)),
+        Typed::new("highest_rad_s", "highest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.highest)),
+        Typed::new("lowest_phase_rad_s", "lowest -90 degrees", RAD_S, 1, |row: &Row| datum(row.found.lowest_phase)),
+        Typed::new("peak_db", "peak", Unit::plain("dB"), 2, |row: &Row| row.found.peak_db),
+        Typed::new("overshoot_percent", "overshoot", PERCENT, 1, |row: &Row| 100.0 * row.found.overshoot),
+    ];
+    let caption = "Where the actuator differs from its model: over all points, by small sinusoids and by steps of 0.05";
+    table_of("robustness", caption, &columns, found)
+}

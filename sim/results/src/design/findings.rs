@@ -1,0 +1,131 @@
+//! What is to be known of a compensator before it flies.
+
+use rotorlead_identify::design::{BandwidthPoint, ChainPhase, DesignedInverse, REACH};
+use rotorlead_plant::{CompensatorDesign, CompensatorProvenance, Model, Word};
+use rotorlead_records::Finding;
+
+use super::Designed;
+use super::tables::fastest_point;
+use crate::bandwidth::bandwidth_text;
+
+/// Standard error of the fastest time constant, as a part of it, above which a zero on its pole is doubtful: a tenth
+/// moves the compensated response by about 1 dB.
+const DOUBTFUL_PART: f64 = 0.1;
+
+/// Said of a model that is not ready: whatever is built on it rests on that.
+#[must_use]
+pub fn judged(model: &Model) -> Option<Finding> {
+    let judgement = model.judgement().filter(|judgement| judgement.state != Word::Ready)?;
+    Some(Finding::warning(format!("the model was judged when it was identified, as {judgement}"), None))
+}
+
+/// Said of a compensator whose file names another model: what is predicted with this one holds for another motor.
+#[must_use]
+pub fn of_another_model(compensator: &CompensatorDesign, model: &Model) -> Option<Finding> {
+    let (named, this) = (compensator.provenance.as_ref()?, CompensatorProvenance::new(model));
+    (named.model_crc32 != this.model_crc32).then(|| {
+        warning(
+            format!("the compensator was designed for {named}, and this is {this}"),
+            "design it for this one, or give the model that it was designed for",
+        )
+    })
+}
+
+/// What is to be known of the design itself.
+pub(super) fn doubts(model: &Model, designed: &Designed) -> Vec<Finding> {
+    match designed {
+        Designed::Lead(_) => uncertain_zero(model).into_iter().collect(),
+        Designed::Inverse(inverse) => {
+            [beyond_measured(inverse), slower_down(model), no_slew(inverse)].into_iter().flatten().collect()
+        }
+    }
+}
+
+/// Said when the fastest pole is known badly: the fastest of many uncertain poles is likely to be so by chance.
+fn uncertain_zero(model: &Model) -> Option<Finding> {
+    let point = fastest_point(model)?;
+    let part = point.time_constant_s_std.map(|std| std / point.time_constant_s).filter(|part| *part > DOUBTFUL_PART)?;
+    let message = format!(
+        "the zero stands on the pole at u_nom {:.3}, whose standard error is {:.0} %. It may be the fastest by chance, and then the other \
+         levels get too little lead",
+        point.nominal,
+        100.0 * part
+    );
+    Some(warning(message, "measure there again, or remove its [[point]] from the model"))
+}
+
+fn beyond_measured(designed: &DesignedInverse) -> Option<Finding> {
+    let ((from, to), (low, high)) = (designed.compensator.range().compensated, designed.measured);
+    // To a millionth, as the default is.
+    (from < low - REACH - 1e-6 || to > high + REACH + 1e-6).then(|| {
+        let message = format!(
+            "the inverse is in the path from {from:.3} to {to:.3}, and the time constant is measured from {low:.3} to {high:.3} only. A \
+             table that is longer than the truth makes the rotor overshoot"
+        );
+        warning(message, "measure there, or narrow --compensate-range")
+    })
+}
+
+fn slower_down(model: &Model) -> Option<Finding> {
+    let ratio = model.time_constant_curve.as_ref()?.down_over_up?;
+    let message = format!(
+        "steps down take {ratio:.2} times as long as steps up. The table has the time constants of the faster direction, so that neither \
+         overshoots; the other one stays slower than the bandwidth says"
+    );
+    Some(Finding::warning(message, None))
+}
+
+fn no_slew(designed: &DesignedInverse) -> Option<Finding> {
+    designed.compensator.range().slew_per_s.is_none().then(|| {
+        warning(
+            "no --slew is declared. Where the ESC has a limit the motor falls behind what the inverse reckons with, and too fast a voltage \
+             step can break an ESC's lock"
+                .to_owned(),
+            "without its settings at hand declare 20, 2 % per millisecond",
+        )
+    })
+}
+
+/// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
+/// the point that it takes most from.
+pub(crate) fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<Finding> {
+    let lost: Vec<_> = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).collect();
+    let lag_deg = |(point, phase): &(&BandwidthPoint, &ChainPhase)| {
+        (point.compensated.reached_rad_s() * phase.dead_time_s()).to_degrees()
+    };
+    let worst = lost.iter().max_by(|a, b| lag_deg(a).total_cmp(&lag_deg(b)))?;
+    let (point, phase) = worst;
+    let whole = phase.compensated.phase_deg.map(|deg| format!(", and the phase of the whole chain is {deg:.0}"));
+    let cell = |bandwidth| bandwidth_text(bandwidth, 1);
+    let message = format!(
+        "for a loop around the motor dead time makes the gained bandwidth worthless at {} of {} points. At u_nom {:.3} the compensator \
+         promises {} rad/s instead of {}, but the dead time of {:.1} ms (model {:.1}, pulse in to pulse out {:.1}) alone lags {:.0} \
+         degrees there{}. A controller can use the chain up to {} rad/s, where it lags 90 degrees ({} without the compensator)",
+        lost.len(),
+        points.len(),
+        point.nominal,
+        cell(point.compensated),
+        cell(point.uncompensated),
+        1e3 * phase.dead_time_s(),
+        1e3 * phase.model_dead_time_s,
+        1e3 * phase.compensated.late_s,
+        lag_deg(worst),
+        whole.unwrap_or_default(),
+        cell(phase.compensated.minus_90),
+        cell(phase.uncompensated.minus_90),
+    );
+    // By the larger part of the dead time.
+    let remedy = if phase.model_dead_time_s > phase.compensated.late_s {
+        "find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
+         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
+         bandwidth does not shorten it, but amplifies less noise above what can be used"
+    } else {
+        "use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
+         --output-frame some percent above it"
+    };
+    Some(warning(message, remedy))
+}
+
+fn warning(message: String, remedy: &str) -> Finding {
+    Finding::warning(message, Some(remedy.to_owned()))
+}

@@ -1,0 +1,170 @@
+//! What a design is, and what is predicted of it.
+
+mod findings;
+mod tables;
+
+pub(crate) use findings::lost_gain;
+pub use findings::{judged, of_another_model};
+pub use tables::{design_section, in_short};
+
+use rotorlead_answer::{Answer, Tone, Verdict};
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{
+    Chain, CompensatorError, DesignedInverse, Latency, MOST_OVER_REFERENCE, Setting, design, design_inverse,
+};
+use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_records::Finding;
+use rotorlead_vehicle::Recommendation;
+use serde_json::{Map, Value, json};
+
+use super::bandwidth::{BandwidthResult, predicted_bandwidth};
+use super::object;
+use super::recommendation::recommendation_table;
+use super::request::{Chosen, RequestError};
+
+/// A compensator with what its design says of it.
+// There is one of them.
+#[allow(clippy::large_enum_variant)]
+pub enum Designed {
+    /// A lead.
+    Lead(rotorlead::design::LeadDesign),
+    /// An inverse.
+    Inverse(DesignedInverse),
+}
+
+impl Designed {
+    /// Designs for `model`.
+    ///
+    /// # Errors
+    /// [`CompensatorError`] where no compensator can be made of it.
+    pub fn of(model: &Model, options: &KindOptions) -> Result<Self, CompensatorError> {
+        match options {
+            KindOptions::Lead(options) => design(model, options).map(Self::Lead),
+            KindOptions::Inverse(options) => design_inverse(model, options).map(Self::Inverse),
+        }
+    }
+
+    /// What runs, designed for `model`.
+    #[must_use]
+    pub fn compensator(&self, model: &Model) -> CompensatorDesign {
+        let design: CompensatorDesign = match self {
+            Self::Lead(design) => (*design).into(),
+            Self::Inverse(designed) => designed.compensator.clone().into(),
+        };
+        design.designed_for(model)
+    }
+}
+
+/// A design, and what is predicted of it.
+pub struct DesignResult {
+    /// What was designed.
+    pub designed: Designed,
+    /// What runs.
+    pub compensator: CompensatorDesign,
+    /// What it makes of the model.
+    pub bandwidth: BandwidthResult,
+    /// What it was chosen from; `None` where its kind was asked for.
+    pub recommendation: Option<Recommendation>,
+    /// What is to be known before it flies, beside what the model was judged to be.
+    pub findings: Vec<Finding>,
+}
+
+impl DesignResult {
+    /// Designs what was `chosen` for `model`, and predicts what comes of it.
+    ///
+    /// # Errors
+    /// When it cannot be designed, or the model is impossible.
+    pub fn of(model: &Model, chosen: Chosen, latency: Latency) -> Result<Self, RequestError> {
+        let Chosen { options, recommendation, findings } = chosen;
+        let designed = Designed::of(model, &options)?;
+        let compensator = designed.compensator(model);
+        let bandwidth = BandwidthResult::of(model, Chain::Designed(&compensator), latency)?;
+        let findings = [bandwidth.findings.clone(), findings, findings::doubts(model, &designed)].concat();
+        Ok(Self { designed, compensator, bandwidth, recommendation, findings })
+    }
+
+    /// The answer, for the model that it was designed for.
+    #[must_use]
+    pub fn answer(&self, model: &Model) -> Answer {
+        let mut of_design = design_section(&self.compensator, model);
+        let of_bandwidth = self.bandwidth.section(Chain::Designed(&self.compensator));
+        let findings: Vec<Finding> = judged(model).into_iter().chain(self.findings.clone()).collect();
+        let compared = self.recommendation.iter().map(recommendation_table);
+        if let (Designed::Inverse(inverse), Some(table)) = (&self.designed, of_design.tables.first_mut()) {
+            table.notes.push(within_intervals(inverse));
+        }
+        Answer {
+            name: "compensator",
+            title: "Compensator",
+            text: Vec::new(),
+            verdict: self.verdict(&findings),
+            findings,
+            tables: compared.chain(of_design.tables).chain(of_bandwidth.tables).collect(),
+            figures: [of_design.figures, of_bandwidth.figures].concat(),
+            values: self.values(),
+        }
+    }
+
+    /// What is designed, what it does to the bandwidths, and how much room it takes.
+    fn verdict(&self, findings: &[Finding]) -> Verdict {
+        let tone = if findings.is_empty() { Tone::Good } else { Tone::Attention };
+        let room = format!(
+            "A step of the command becomes up to {:.2} times as large: leave room for it, or the command is clipped.",
+            self.compensator.step_peak()
+        );
+        let lead = if self.compensator.as_lead().is_some() { "lead, " } else { "" };
+        Verdict::new(tone, format!("Designed: {lead}{}.", in_short(&self.compensator)))
+            .with(vec![predicted_bandwidth(&self.bandwidth.points), room])
+    }
+
+    /// For programs: what the file holds, and what its check and the predictions say. What is not known is null.
+    fn values(&self) -> Map<String, Value> {
+        let mut values = object(&self.compensator.stored());
+        for key in ["slew_per_s", "provenance"] {
+            values.entry(key).or_insert(Value::Null);
+        }
+        values.extend(object(&match &self.designed {
+            Designed::Lead(design) => {
+                let check = design.check();
+                json!({
+                    "worst_deviation_db": check.worst_deviation_db,
+                    "pole_radii": check.pole_radii,
+                    "l1_gain": check.l1_gain,
+                })
+            }
+            Designed::Inverse(inverse) => json!({
+                "setting": setting_name(inverse.setting),
+                // The lowest and the highest command at which the time constant was measured.
+                "measured": inverse.measured,
+                // Where the response may exceed the reference model most, and by which factor.
+                "worst": { "nominal": inverse.worst.0, "over_reference": inverse.worst.1 },
+                "rounding_error": inverse.compensator.design().rounding_error(),
+            }),
+        }));
+        values.extend(object(&json!({
+            "step_peak": self.compensator.step_peak(),
+            "command_noise_gain": self.compensator.command_noise_gain(),
+            "recommend": self.recommendation,
+        })));
+        values.extend(self.bandwidth.values(Chain::Designed(&self.compensator)));
+        values
+    }
+}
+
+/// How far an inverse may exceed its reference model.
+fn within_intervals(designed: &DesignedInverse) -> String {
+    let (nominal, factor) = designed.worst;
+    format!(
+        "Setting {}: by the intervals of the time constants the response is at most {factor:.3} times that of the reference model, at \
+         command {nominal:.3}; {MOST_OVER_REFERENCE} is allowed.",
+        setting_name(designed.setting)
+    )
+}
+
+/// A setting of an inverse as the command line names it.
+fn setting_name(setting: Setting) -> &'static str {
+    match setting {
+        Setting::Exact => "exact",
+        Setting::Robust => "robust",
+    }
+}
