@@ -87,7 +87,7 @@ impl Bandwidth {
             (None, None) => {
                 let request = DesignRequest { kind: request.kind().or(Some(Kind::Lead)), ..request };
                 let of = || -> Result<_, RequestError> {
-                    let Chosen { options, findings, .. } = request.chosen(&model, Purpose::Force)?;
+                    let Chosen { options, findings, .. } = request.chosen(&model, Purpose::Force, None)?;
                     Ok((Some(Designed::of(&model, &options)?.compensator(&model)), findings))
                 };
                 of().map_err(miette::Report::from)

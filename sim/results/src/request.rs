@@ -150,32 +150,26 @@ impl DesignRequest {
     /// # Errors
     /// Where none is recommended, or the kind cannot be designed.
     pub fn design(&self, model: &Model, purpose: Purpose, latency: Latency) -> Result<DesignResult, RequestError> {
-        DesignResult::of(model, self.chosen(model, purpose)?, latency)
+        DesignResult::of(model, self.chosen(model, purpose, None)?, latency)
     }
 
-    /// The kind that is asked for, or what is recommended for `purpose`.
+    /// The kind that is asked for, or what is recommended for `purpose`: by `known`, unless that is yet to be found.
     ///
     /// # Errors
     /// Where none is recommended.
-    pub fn chosen(&self, model: &Model, purpose: Purpose) -> Result<Chosen, RequestError> {
-        if let Some(kind) = self.kind() {
-            return Ok(self.of_kind(kind, model));
-        }
-        let is_none = model.judgement().is_some_and(|judgement| judgement.state == Word::NotALag);
-        let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
-        self.recommended(model, purpose, recommend(model, is_none.then_some(NOT_A_LAG), &asked)?)
-    }
-
-    /// What `recommendation` has for `purpose`.
-    ///
-    /// # Errors
-    /// Where that is none.
-    pub fn recommended(
+    pub fn chosen(
         &self,
         model: &Model,
         purpose: Purpose,
-        recommendation: Recommendation,
+        known: Option<Recommendation>,
     ) -> Result<Chosen, RequestError> {
+        if let Some(kind) = self.kind() {
+            return Ok(self.of_kind(kind, model));
+        }
+        let is_none = || model.judgement().is_some_and(|judgement| judgement.state == Word::NotALag);
+        let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
+        let found = || recommend(model, is_none().then_some(NOT_A_LAG), &asked);
+        let recommendation = known.map_or_else(found, Ok)?;
         let choice = recommendation.of(purpose);
         let chosen = match choice.actuator {
             ActuatorKind::Lead => self.of_kind(Kind::Lead, model),

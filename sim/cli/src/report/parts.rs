@@ -14,8 +14,7 @@ use rotorlead_identify::{IdentifyOptions, RecordValidation};
 use rotorlead_plant::{ActiveEffect, Catalog, Effect, Judgement, Model};
 use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
 use rotorlead_results::{
-    Chosen, DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals,
-    transform,
+    DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals, transform,
 };
 use rotorlead_vehicle::{Purpose, Recommendation};
 
@@ -55,19 +54,6 @@ pub(super) struct Parts {
 pub(super) struct Asked {
     pub kind: Option<Kind>,
     pub purpose: Purpose,
-}
-
-impl Asked {
-    fn chosen(self, model: &Model, recommendation: Option<&Recommendation>) -> Part<Chosen> {
-        let request = DesignRequest { kind: self.kind, ..DesignRequest::default() };
-        let chosen = match recommendation {
-            Some(recommendation) if self.kind.is_none() => {
-                request.recommended(model, self.purpose, recommendation.clone())
-            }
-            _ => request.chosen(model, self.purpose),
-        };
-        chosen.map_err(|error| said(&error.into()))
-    }
 }
 
 /// An error with what to do, as a sentence.
@@ -141,7 +127,10 @@ impl Parts {
         };
         let is_of_steps = identified.as_ref().is_ok_and(|found| found.identification.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
-        let chosen = asked.chosen(extended.as_ref().unwrap_or(&model), recommendation.as_ref());
+        let request = DesignRequest { kind: asked.kind, ..DesignRequest::default() };
+        let chosen = request
+            .chosen(extended.as_ref().unwrap_or(&model), asked.purpose, recommendation.clone())
+            .map_err(|error| said(&error.into()));
         let options = chosen.as_ref().map(|chosen| chosen.options).map_err(Clone::clone);
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
