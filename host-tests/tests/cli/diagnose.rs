@@ -39,8 +39,7 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     );
     for part in [
         "Missing in the model: slew-rate limit.",
-        "The compensator is refused at an amplitude of 0.05 duty",
-        "- The compensator is refused: it would ask for more than the actuator follows.",
+        "- The compensator is refused at an amplitude of 0.05 duty: it would ask for more than the actuator follows.",
         "change faster than the 0.5",
         "no filter can make it",
         "Nothing is written to c.toml",

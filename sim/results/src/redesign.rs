@@ -1,7 +1,7 @@
 //! A compensator that was designed again, for the model with what was missing in it.
 
 use miette::Diagnostic as _;
-use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Verdict as Said};
+use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
 use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_identify::design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
 use serde_json::json;
@@ -10,6 +10,10 @@ use crate::bandwidth::{bandwidth_cell, bandwidth_text};
 use crate::design::in_short;
 use crate::figures::compensation::redesigned as bandwidths;
 use crate::object;
+
+const NONE: Unit = Unit::plain("");
+const DUTY: Unit = Unit::plain("duty");
+const RAD_S: Unit = Unit::plain("rad/s");
 
 /// What a compensator does with the effects that were found, by sinusoids of `amplitude`, duty, and whether it is to be used.
 #[must_use]
@@ -29,20 +33,18 @@ pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &Redesig
     };
     let Redesign { full, weaker, .. } = redesigned;
     let (reasons, remarks) = (redesign_refusals(redesigned), redesign_notes(found, redesigned));
-    let (name, verdict, mut text) = if redesigned.is_refused() {
-        let what = format!(
-            "The compensator is refused at an amplitude of {amplitude} duty; what it would do is shown all the same."
+    let (name, tone, verdict, mut text) = if redesigned.is_refused() {
+        let verdict = format!(
+            "The compensator is refused at an amplitude of {amplitude} duty: it would ask for more than the actuator follows."
         );
-        let verdict = "The compensator is refused: it would ask for more than the actuator follows.";
-        let text = [vec![what], reasons.clone(), vec![strongest(redesigned)]].concat();
-        ("refused", Said::new(Tone::Attention, verdict), text)
+        ("refused", Tone::Attention, verdict, [reasons.clone(), vec![strongest(redesigned)]].concat())
     } else {
         let what = format!(
             "The compensator for the improved model: {}. Its bandwidths are predicted for small deviations, and by sinusoids of \
              {amplitude} duty through the controller's own filter and the simulated actuator.",
             in_short(&full.design)
         );
-        ("designed", Said::new(Tone::Good, "A compensator is designed for the improved model."), vec![what])
+        ("designed", Tone::Good, "A compensator is designed for the improved model.".to_owned(), vec![what])
     };
     text.extend(remarks.iter().cloned());
     let mut values = object(full);
@@ -61,7 +63,7 @@ pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &Redesig
     let limits = limits(&full.points).map(Table::in_detail);
     Answer {
         text,
-        verdict,
+        verdict: Said::new(tone, verdict),
         tables: std::iter::once(redesign_table(full, amplitude)).chain(weaker).chain(limits).collect(),
         figures: bandwidths(full, amplitude).into_iter().collect(),
         values,
@@ -165,34 +167,24 @@ fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
 }
 
 /// What the lead asks of each limit of the actuator; `None` where it has none.
-fn limits(points: &[RedesignPoint]) -> Option<Table> {
-    let row = |(point, limit): (&RedesignPoint, &Limit)| {
-        let unit = if limit.kind.id == "slew_limit" { "duty/s" } else { "duty" };
-        vec![
-            Cell::number(point.small.nominal, 3),
-            Cell::text(limit.kind.id),
-            Cell::number(limit.most, 3),
-            Cell::text(unit),
-            Cell::optional(limit.passed_from_rad_s, 1),
-            Cell::number(limit.largest_amplitude, 4),
-            Cell::number(limit.reachable_rad_s, 1),
-        ]
+fn limits<'a>(points: &'a [RedesignPoint]) -> Option<Table> {
+    type Row<'a> = (f64, &'a Limit);
+    let number = |key, heading: &str, unit, decimals, get: fn(&Limit) -> Option<f64>| {
+        Typed::new(key, heading, unit, decimals, move |(_, limit): &Row| get(limit))
     };
-    let all = points.iter().flat_map(|point| point.limits.iter().map(move |limit| (point, limit)));
-    let rows: Vec<Vec<Cell>> = all.map(row).collect();
-    (!rows.is_empty()).then(|| Table {
-        name: "limits".to_owned(),
-        caption: "Limits of the actuator, and what the lead asks of them below its bandwidth".to_owned(),
-        columns: vec![
-            Column::new("u_nom", "u_nom", "duty"),
-            Column::new("kind", "limit", ""),
-            Column::new("most", "most that is followed", ""),
-            Column::new("unit", "unit", ""),
-            Column::new("passed_from_rad_s", "passed from", "rad/s"),
-            Column::new("largest_amplitude", "largest amplitude within it", "duty"),
-            Column::new("reachable_rad_s", "reachable with any filter", "rad/s"),
-        ],
-        rows,
-        ..Table::default()
-    })
+    let columns = [
+        Typed::new("u_nom", "u_nom", DUTY, 3, |(nominal, _): &Row| *nominal),
+        Typed::new("kind", "limit", NONE, 0, |(_, limit): &Row| limit.kind.id.to_owned()),
+        number("most", "most that is followed", NONE, 3, |limit| Some(limit.most)),
+        Typed::new("unit", "unit", NONE, 0, |(_, limit): &Row| {
+            (if limit.kind.id == "slew_limit" { "duty/s" } else { "duty" }).to_owned()
+        }),
+        number("passed_from_rad_s", "passed from", RAD_S, 1, |limit| limit.passed_from_rad_s),
+        number("largest_amplitude", "largest amplitude within it", DUTY, 4, |limit| Some(limit.largest_amplitude)),
+        number("reachable_rad_s", "reachable with any filter", RAD_S, 1, |limit| Some(limit.reachable_rad_s)),
+    ];
+    let of_point = |point: &'a RedesignPoint| point.limits.iter().map(|limit| (point.small.nominal, limit));
+    let rows: Vec<Row> = points.iter().flat_map(of_point).collect();
+    let caption = "Limits of the actuator, and what the lead asks of them below its bandwidth";
+    (!rows.is_empty()).then(|| table_of("limits", caption, &columns, &rows))
 }
