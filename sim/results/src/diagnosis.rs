@@ -15,8 +15,6 @@ use crate::object;
 use crate::sections::estimate;
 use crate::unit::unit;
 
-const NONE: Unit = Unit::plain("");
-const PERCENT: Unit = Unit::plain("%");
 /// What `score` is.
 const SCORE: &str = "score: both gains, less what the search gains by chance";
 
@@ -136,12 +134,12 @@ fn gap_table(found: &Diagnosis) -> Table {
         rows.push(("all steps, which are fitted", [Some(before), Some(after), None]));
     }
     let percent = |key, heading: &str, place: usize| {
-        Typed::new(key, heading, PERCENT, 2, move |(_, gaps): &(&str, [Option<f64>; 3])| {
+        Typed::new(key, heading, Unit::PERCENT, 2, move |(_, gaps): &(&'static str, [Option<f64>; 3])| {
             gaps[place].map(|gap| 100.0 * gap)
         })
     };
     let columns = [
-        Typed::new("on", "on", NONE, 0, |(on, _): &(&str, _)| (*on).to_owned()),
+        Typed::words("on", "on", |(on, _): &(&'static str, _)| *on),
         percent("before_percent", "before", 0),
         percent("after_percent", "after", 1),
         percent("noise_percent", "noise", 2),
@@ -180,8 +178,8 @@ fn excess_table(found: &Diagnosis) -> Table {
         (!shown.is_empty()).then_some((axis, shown))
     });
     let columns = [
-        Typed::new("axis", "axis", NONE, 0, |(axis, _): &(Axis, String)| axis.name().to_owned()),
-        Typed::new("parts", "largest parts", NONE, 0, |(_, parts): &(Axis, String)| parts.clone()),
+        Typed::words("axis", "axis", |(axis, _): &(Axis, String)| axis.name()),
+        Typed::words("parts", "largest parts", |(_, parts): &(Axis, String)| parts.clone()),
     ];
     let caption = "Where the excess chi-square of the first model lies, in percent";
     table_of("excess", caption, &columns, &rows.collect::<Vec<_>>())
@@ -239,8 +237,8 @@ fn effect_table(effect: &NamedEffect) -> Table {
 pub fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
     type Row = (&'static Parameter, Estimate);
     let columns = [
-        Typed::new("parameter", "parameter", NONE, 0, |(parameter, _): &Row| parameter.name.to_owned()),
-        Typed::new("value", "value", NONE, 0, |(parameter, estimate): &Row| {
+        Typed::words("parameter", "parameter", |(parameter, _): &Row| parameter.name),
+        Typed::words("value", "value", |(parameter, estimate): &Row| {
             parameter_with_std(parameter, estimate).replace("+-", "±")
         }),
     ];
@@ -273,12 +271,14 @@ fn lags(found: &Diagnosis) -> Table {
 
 fn effects(effects: &[NamedEffect]) -> Table {
     let columns = [
-        Typed::new("kind", "effect", NONE, 0, |effect: &NamedEffect| effect.kind.id.to_owned()),
-        Typed::new("title", "what it is", NONE, 0, |effect: &NamedEffect| effect.kind.title.to_owned()),
-        Typed::new("gap_without_percent", "gap without", PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_before),
-        Typed::new("gap_with_percent", "gap with", PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_after),
+        Typed::words("kind", "effect", |effect: &NamedEffect| effect.kind.id),
+        Typed::words("title", "what it is", |effect: &NamedEffect| effect.kind.title),
+        Typed::new("gap_without_percent", "gap without", Unit::PERCENT, 2, |effect: &NamedEffect| {
+            100.0 * effect.gap_before
+        }),
+        Typed::new("gap_with_percent", "gap with", Unit::PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_after),
         Typed::new("evidence", "evidence", Unit::plain("log likelihood"), 0, |effect: &NamedEffect| effect.evidence),
-        Typed::new("alternatives", "cannot be distinguished from", NONE, 0, |effect: &NamedEffect| {
+        Typed::words("alternatives", "cannot be distinguished from", |effect: &NamedEffect| {
             if effect.alternatives.is_empty() { "-".to_owned() } else { named(&effect.alternatives) }
         }),
     ];
@@ -292,12 +292,12 @@ fn named(kinds: &[&Kind]) -> String {
 /// What became of each kind that was tried on logs, and why.
 fn decisions(decisions: &[Decision]) -> Table {
     let columns = [
-        Typed::new("kind", "kind", NONE, 0, |decision: &Decision| decision.kind.id.to_owned()),
-        Typed::new("beside", "beside", NONE, 0, |decision: &Decision| named(&decision.beside)),
-        Typed::new("fitted_gain", "on training steps", NONE, 1, |decision: &Decision| decision.fitted_gain),
-        Typed::new("held_out_gain", "on held-out steps", NONE, 1, |decision: &Decision| decision.held_out_gain),
-        Typed::new("score", "score", NONE, 1, |decision: &Decision| decision.score),
-        Typed::new("outcome", "outcome", NONE, 0, Decision::outcome),
+        Typed::words("kind", "kind", |decision: &Decision| decision.kind.id),
+        Typed::words("beside", "beside", |decision: &Decision| named(&decision.beside)),
+        Typed::new("fitted_gain", "on training steps", Unit::NONE, 1, |decision: &Decision| decision.fitted_gain),
+        Typed::new("held_out_gain", "on held-out steps", Unit::NONE, 1, |decision: &Decision| decision.held_out_gain),
+        Typed::new("score", "score", Unit::NONE, 1, |decision: &Decision| decision.score),
+        Typed::words("outcome", "outcome", Decision::outcome),
     ];
     let caption = format!("Kinds tried in turn on steps: log likelihood gained, and what became of each; {SCORE}");
     table_of("decisions", caption, &columns, decisions)
@@ -305,10 +305,12 @@ fn decisions(decisions: &[Decision]) -> Table {
 
 fn tried(tried: &[TriedKind]) -> Table {
     let finite = |key, heading: &str, get: fn(&TriedKind) -> f64| {
-        Typed::new(key, heading, NONE, 1, move |tried: &TriedKind| Some(get(tried)).filter(|gain| gain.is_finite()))
+        Typed::new(key, heading, Unit::NONE, 1, move |tried: &TriedKind| {
+            Some(get(tried)).filter(|gain| gain.is_finite())
+        })
     };
     let columns = [
-        Typed::new("kind", "kind", NONE, 0, |tried: &TriedKind| tried.kind.id.to_owned()),
+        Typed::words("kind", "kind", |tried: &TriedKind| tried.kind.id),
         finite("score", "score", |tried| tried.score),
         finite("fitted_gain", "on what was fitted", |tried| tried.fitted_gain),
         finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),

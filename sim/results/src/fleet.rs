@@ -8,9 +8,6 @@ use serde_json::{Value, json};
 use crate::object;
 use crate::unit::unit;
 
-const NONE: Unit = Unit::plain("");
-const PERCENT: Unit = Unit::plain("%");
-
 /// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FleetRow {
@@ -184,7 +181,7 @@ fn verdict(motors: &[Motor], logs: &[Log]) -> Verdict {
 /// What is usual at each command, of models of this response.
 fn usual_table(levels: &[Level], output: Option<Output>) -> Table {
     let columns = [
-        Typed::new("u_nom", "u_nom", Unit::plain("duty"), 3, |level: &Level| level.nominal),
+        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |level: &Level| level.nominal),
         Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &Level| 1e3 * level.time_constant_s),
         Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &Level| level.gain),
     ];
@@ -201,45 +198,49 @@ fn motors_table(motors: &[Motor]) -> Table {
             })
         };
         [
-            Typed::new(share, heading, PERCENT, 1, move |motor: &Motor| {
+            Typed::new(share, heading, Unit::PERCENT, 1, move |motor: &Motor| {
                 motor.found[place].map(|found| percent(found.deviation))
             }),
-            Typed::new(score, "score", NONE, 1, move |motor: &Motor| motor.found[place].and_then(|found| found.score)),
+            Typed::new(score, "score", Unit::NONE, 1, move |motor: &Motor| {
+                motor.found[place].and_then(|found| found.score)
+            }),
             per_month(drift, format!("{heading} drift"), Unit::plain("%/month"), |[_, drift, _]| drift),
-            per_month(low, "from".to_owned(), NONE, |[low, ..]| low),
-            per_month(high, "to".to_owned(), NONE, |[.., high]| high),
+            per_month(low, "from".to_owned(), Unit::NONE, |[low, ..]| low),
+            per_month(high, "to".to_owned(), Unit::NONE, |[.., high]| high),
         ]
     };
     let time_constant =
         ["time_constant_percent", "time_constant_score", "drift_percent_per_month", "drift_low", "drift_high"];
     let gain = ["gain_percent", "gain_score", "gain_drift_percent_per_month", "gain_drift_low", "gain_drift_high"];
     let mut columns = vec![
-        Typed::new("motor", "motor", NONE, 0, |motor: &Motor| motor.name.to_owned()),
-        Typed::new("logs", "logs", NONE, 0, |motor: &Motor| motor.found[0].map(|found| found.logs as f64)),
+        Typed::words("motor", "motor", |motor: &Motor| motor.name.to_owned()),
+        Typed::new("logs", "logs", Unit::NONE, 0, |motor: &Motor| motor.found[0].map(|found| found.logs as f64)),
     ];
     columns.extend(of_quantity(0, "tau", time_constant));
     columns.extend(of_quantity(1, "gain", gain));
-    columns.push(Typed::new("note", "", NONE, 0, Motor::note));
+    columns.push(Typed::words("note", "", Motor::note));
     table_of("fleet_motors", "Motors: how far from the usual, and how they change", &columns, motors)
 }
 
 /// Each log against the others of its motor.
 fn logs_table(name: &str, which: &str, logs: &[Log]) -> Table {
     let share = |key, heading: &str, place: usize| {
-        Typed::new(key, heading, PERCENT, 1, move |log: &Log| log.found[place].map(|found| percent(found.deviation)))
+        Typed::new(key, heading, Unit::PERCENT, 1, move |log: &Log| {
+            log.found[place].map(|found| percent(found.deviation))
+        })
     };
     let score = |key, place: usize| {
-        Typed::new(key, "score", NONE, 1, move |log: &Log| log.found[place].and_then(|found| found.score))
+        Typed::new(key, "score", Unit::NONE, 1, move |log: &Log| log.found[place].and_then(|found| found.score))
     };
     let columns = [
-        Typed::new("log", "log", NONE, 0, |log: &Log| log.row.log.clone()),
-        Typed::new("motor", "motor", NONE, 0, |log: &Log| log.row.motor.clone()),
-        Typed::new("date", "date", NONE, 0, |log: &Log| log.row.date.clone()),
+        Typed::words("log", "log", |log: &Log| log.row.log.clone()),
+        Typed::words("motor", "motor", |log: &Log| log.row.motor.clone()),
+        Typed::words("date", "date", |log: &Log| log.row.date.clone()),
         share("time_constant_percent", "tau", 0),
         score("time_constant_score", 0),
         share("gain_percent", "gain", 1),
         score("gain_score", 1),
-        Typed::new("note", "", NONE, 0, Log::note),
+        Typed::words("note", "", Log::note),
     ];
     let caption = format!("{which}: how far from the usual, with the score against the motor's other logs");
     table_of(name, caption, &columns, logs)

@@ -11,10 +11,6 @@ use crate::design::in_short;
 use crate::figures::compensation::redesigned as bandwidths;
 use crate::object;
 
-const NONE: Unit = Unit::plain("");
-const DUTY: Unit = Unit::plain("duty");
-const RAD_S: Unit = Unit::plain("rad/s");
-
 /// What a compensator does with the effects that were found, by sinusoids of `amplitude`, duty, and whether it is to be used.
 #[must_use]
 pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &RedesignError>, amplitude: f64) -> Answer {
@@ -173,15 +169,15 @@ fn limits<'a>(points: &'a [RedesignPoint]) -> Option<Table> {
         Typed::new(key, heading, unit, decimals, move |(_, limit): &Row| get(limit))
     };
     let columns = [
-        Typed::new("u_nom", "u_nom", DUTY, 3, |(nominal, _): &Row| *nominal),
-        Typed::new("kind", "limit", NONE, 0, |(_, limit): &Row| limit.kind.id.to_owned()),
-        number("most", "most that is followed", NONE, 3, |limit| Some(limit.most)),
-        Typed::new("unit", "unit", NONE, 0, |(_, limit): &Row| {
-            (if limit.kind.id == "slew_limit" { "duty/s" } else { "duty" }).to_owned()
+        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |(nominal, _): &Row| *nominal),
+        Typed::words("kind", "limit", |(_, limit): &Row| limit.kind.id),
+        number("most", "most that is followed", Unit::NONE, 3, |limit| Some(limit.most)),
+        Typed::words("unit", "unit", |(_, limit): &Row| if limit.kind.id == "slew_limit" { "duty/s" } else { "duty" }),
+        number("passed_from_rad_s", "passed from", Unit::RAD_S, 1, |limit| limit.passed_from_rad_s),
+        number("largest_amplitude", "largest amplitude within it", Unit::DUTY, 4, |limit| {
+            Some(limit.largest_amplitude)
         }),
-        number("passed_from_rad_s", "passed from", RAD_S, 1, |limit| limit.passed_from_rad_s),
-        number("largest_amplitude", "largest amplitude within it", DUTY, 4, |limit| Some(limit.largest_amplitude)),
-        number("reachable_rad_s", "reachable with any filter", RAD_S, 1, |limit| Some(limit.reachable_rad_s)),
+        number("reachable_rad_s", "reachable with any filter", Unit::RAD_S, 1, |limit| Some(limit.reachable_rad_s)),
     ];
     let of_point = |point: &'a RedesignPoint| point.limits.iter().map(|limit| (point.small.nominal, limit));
     let rows: Vec<Row> = points.iter().flat_map(of_point).collect();

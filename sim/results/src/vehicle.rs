@@ -11,10 +11,8 @@ use crate::design::judged;
 use crate::figures::vehicle::vehicle_figures;
 use crate::object;
 
-const NONE: Unit = Unit::plain("");
 const MILLISECONDS: Unit = Unit::plain("ms");
 const DEGREES: Unit = Unit::plain("deg");
-const RAD_S: Unit = Unit::plain("rad/s");
 
 /// What each actuator is worth in `airframe` with the motors of `model`.
 #[must_use]
@@ -75,7 +73,7 @@ fn rule_said(rule: &TuningRule, airframe: &Airframe) -> String {
 
 /// The column of the actuators' names.
 fn actuator<'a, R: 'a>(get: fn(&R) -> ActuatorKind) -> Typed<'a, R> {
-    Typed::new("actuator", "actuator", NONE, 0, move |row: &R| get(row).name())
+    Typed::words("actuator", "actuator", move |row: &R| get(row).name())
 }
 
 /// A column of what gain sets reach.
@@ -101,7 +99,7 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
         ("hover", format!("tuned for {:.2} alone", airframe.hover.command))
     };
     let over_none = |key, get: fn(Ratios) -> Option<f64>| {
-        Typed::new(key, "over none", NONE, 2, move |row: &Row| row.ratios(bare).and_then(get))
+        Typed::new(key, "over none", Unit::NONE, 2, move |row: &Row| row.ratios(bare).and_then(get))
     };
     let worth = |row: &Row| match row.worth(bare) {
         _ if row.performance.is_none() => "no gains",
@@ -110,13 +108,13 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
     };
     let columns = [
         actuator(|row: &Row| row.actuator),
-        reached("bandwidth_rad_s", "bandwidth", RAD_S, 1, |own| Some(own.margins.bandwidth_rad_s)),
+        reached("bandwidth_rad_s", "bandwidth", Unit::RAD_S, 1, |own| Some(own.margins.bandwidth_rad_s)),
         over_none("bandwidth_over_none", |ratios| Some(ratios.bandwidth)),
         reached("disturbance_peak_deg", "peak", DEGREES, 2, |own| Some(own.disturbance_peak_deg)),
         over_none("disturbance_peak_over_none", |ratios| Some(ratios.disturbance_peak)),
         reached("settling_ms", "settling", MILLISECONDS, 0, |own| Some(1e3 * own.settling_s?)),
         over_none("settling_over_none", |ratios| ratios.settling),
-        Typed::new("verdict", "than none", NONE, 0, |row: &Row| worth(row).to_owned()),
+        Typed::words("verdict", "than none", worth),
     ];
     let caption = format!(
         "Roll axis, latency {}, {tuned}: the angle's peak after {} N m",
@@ -140,13 +138,15 @@ fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     );
     let mut columns = vec![
         actuator(|row: &Row| row.actuator),
-        reached("without_d_bandwidth_rad_s", "bandwidth without D", RAD_S, 1, |own| Some(own.margins.bandwidth_rad_s)),
+        reached("without_d_bandwidth_rad_s", "bandwidth without D", Unit::RAD_S, 1, |own| {
+            Some(own.margins.bandwidth_rad_s)
+        }),
         reached("without_d_disturbance_peak_deg", "peak without D", DEGREES, 2, |own| Some(own.disturbance_peak_deg)),
     ];
     // At the first latency these are the gains that were tuned for it.
     if index > 0 {
         let heading = "sensitivity with those gains";
-        columns.push(Typed::new("kept_gains_max_sensitivity", heading, NONE, 2, sensitivity));
+        columns.push(Typed::new("kept_gains_max_sensitivity", heading, Unit::NONE, 2, sensitivity));
         caption += &format!(", and the largest sensitivity with the gains for {}", milliseconds(first));
     }
     table_of(&format!("vehicle_without_d_latency_{}", index + 1), caption, &columns, &at.without_d)
@@ -165,13 +165,13 @@ fn gains_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     };
     let columns = [
         actuator(|(_, actuator, _): &Set| *actuator),
-        Typed::new("tuned_for", "tuned for", NONE, 0, |(name, ..): &Set| (*name).to_owned()),
+        Typed::words("tuned_for", "tuned for", |(name, ..): &Set| *name),
         number("rate_p_1_s", "rate P", Unit::plain("1/s"), 1, |own| own.gains.rate_p_1_s),
         number("derivative_time_ms", "Td", MILLISECONDS, 2, |own| 1e3 * own.gains.derivative_time_s),
         number("attitude_p_1_s", "attitude P", Unit::plain("1/s"), 2, |own| own.gains.attitude_p_1_s),
-        number("max_sensitivity", "Ms", NONE, 2, |own| own.margins.max_sensitivity),
+        number("max_sensitivity", "Ms", Unit::NONE, 2, |own| own.margins.max_sensitivity),
         number("phase_margin_deg", "phase margin", DEGREES, 1, |own| own.margins.phase_margin_deg),
-        number("actuator_noise", "noise", NONE, 4, |own| own.margins.actuator_noise),
+        number("actuator_noise", "noise", Unit::NONE, 4, |own| own.margins.actuator_noise),
     ];
     let name = format!("vehicle_gains_latency_{}", index + 1);
     let caption = format!("Gain sets at a latency of {}, and the margins that they keep", milliseconds(at));
@@ -188,13 +188,13 @@ fn force_table(study: &Study, airframe: &Airframe) -> Option<Table> {
         Typed::new("rise_ms", "rise", MILLISECONDS, 1, |row: &ForceRow| {
             row.performance.rise_s.map(|rise_s| 1e3 * rise_s)
         }),
-        Typed::new("rise_over_none", "over none", NONE, 2, |row: &ForceRow| {
+        Typed::new("rise_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
             row.performance.rise_s.zip(bare.rise_s).map(|(own, bare)| own / bare)
         }),
-        Typed::new("tracking_error_percent", "tracking error", Unit::plain("%"), 1, |row: &ForceRow| {
+        Typed::new("tracking_error_percent", "tracking error", Unit::PERCENT, 1, |row: &ForceRow| {
             100.0 * row.performance.tracking_error
         }),
-        Typed::new("tracking_error_over_none", "over none", NONE, 2, |row: &ForceRow| {
+        Typed::new("tracking_error_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
             row.performance.tracking_error / bare.tracking_error
         }),
     ];

@@ -37,6 +37,14 @@ pub enum Datum {
 }
 
 impl Unit {
+    /// None.
+    pub const NONE: Self = Self::plain("");
+    /// Percent.
+    pub const PERCENT: Self = Self::plain("%");
+    /// A command, from 0 to 1.
+    pub const DUTY: Self = Self::plain("duty");
+    /// A pole or a bandwidth.
+    pub const RAD_S: Self = Self::plain("rad/s");
     /// Milliseconds of seconds.
     pub const MILLISECONDS: Self = Self { symbol: "ms", scale: 1e3 };
     /// Percent of a share.
@@ -67,6 +75,12 @@ impl From<String> for Datum {
     }
 }
 
+impl From<&'static str> for Datum {
+    fn from(words: &'static str) -> Self {
+        Self::Words(words.to_owned())
+    }
+}
+
 impl<'a, R> Typed<'a, R> {
     /// A column.
     pub fn new<D: Into<Datum>>(
@@ -78,6 +92,11 @@ impl<'a, R> Typed<'a, R> {
     ) -> Self {
         let get = Box::new(move |row: &R| get(row).into());
         Self { key, heading: heading.into(), unit, decimals, is_detail: false, get }
+    }
+
+    /// A column of words.
+    pub fn words<D: Into<Datum>>(key: &'static str, heading: &str, get: impl Fn(&R) -> D + 'a) -> Self {
+        Self::new(key, heading, Unit::NONE, 0, get)
     }
 
     /// The same, which a terminal leaves to the report.
@@ -151,7 +170,7 @@ mod tests {
     #[test]
     fn one_declaration_gives_heading_cell_csv_and_json() {
         let columns = [
-            Typed::new("file", "record", Unit::plain(""), 0, |lag: &Lag| lag.file.to_owned()),
+            Typed::words("file", "record", |lag: &Lag| lag.file),
             Typed::new("tau_s", "tau", Unit::MILLISECONDS, 1, |lag: &Lag| Datum::Estimate(lag.tau_s, lag.std_s)),
         ];
         let rows =

@@ -38,10 +38,9 @@ pub(super) fn table(found: &LawComparison) -> Table {
         on_measured: None,
     };
     let rows: Vec<Split> = std::iter::once(all).chain(found.held_out.iter().map(Split::of)).collect();
-    let percent =
-        |key, heading: &str, get: fn(&Split) -> Option<f64>| Typed::new(key, heading, Unit::plain("%"), 2, get);
+    let percent = |key, heading: &str, get: fn(&Split) -> Option<f64>| Typed::new(key, heading, Unit::PERCENT, 2, get);
     let columns = [
-        Typed::new("split", "fitted on -> judged on", Unit::plain(""), 0, |split: &Split| split.words.clone()),
+        Typed::words("split", "fitted on -> judged on", |split: &Split| split.words.clone()),
         percent("one_lag_percent", "one lag", |split| Some(split.one_lag)),
         percent("speed_dependent_percent", "speed-dep.", |split| Some(split.speed_dependent)),
         percent("ceiling_percent", "ceiling", |split| Some(split.ceiling)),

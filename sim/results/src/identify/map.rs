@@ -20,7 +20,7 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
     let unit_of = Unit::plain(unit(output));
     type Row<'a> = (usize, &'a Estimate);
     let columns = [
-        Typed::new("term", "term", Unit::plain(""), 0, |(power, _): &Row| format!("u^{power}")),
+        Typed::words("term", "term", |(power, _): &Row| format!("u^{power}")),
         Typed::new("coefficient", "coefficient", unit_of, decimals, |(_, found): &Row| found.value),
         Typed::new("lower", "from", unit_of, decimals, |(_, found): &Row| found.interval(0.95).0),
         Typed::new("upper", "to", unit_of, decimals, |(_, found): &Row| found.interval(0.95).1),
@@ -85,7 +85,7 @@ fn linearization(fit: &StaticMapFit) -> Option<Table> {
     type Row = (f64, f64);
     let columns = [
         Typed::new("part", "response", Unit::plain("of its range"), 1, |(part, _): &Row| *part),
-        Typed::new("command", "command", Unit::plain("duty"), 4, |(_, command): &Row| *command),
+        Typed::new("command", "command", Unit::DUTY, 4, |(_, command): &Row| *command),
     ];
     let rows = fit.linearization(LINEARIZED)?;
     let table = table_of("linearization", "Commands that make the response linear", &columns, &rows);

@@ -16,10 +16,7 @@ use crate::unit::unit;
 /// Below the lags.
 const STANDARD_ERRORS: &str =
     "A lag is gain / (tau s + 1), with the dead time where there is one; +- is one standard error, of the noise alone.";
-const DUTY: Unit = Unit::plain("duty");
 const SECONDS: Unit = Unit::plain("s");
-const PERCENT: Unit = Unit::plain("%");
-const NONE: Unit = Unit::plain("");
 
 /// The lags: of each nominal command, or of each level of steps, whose points are for programs.
 pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<Table> {
@@ -42,15 +39,14 @@ pub fn points_table(points: &[Point], output: Output, fitted: Option<&PeriodicId
     let points: Vec<(usize, &Point)> = points.iter().enumerate().collect();
     type Row<'a> = (usize, &'a Point);
     let mut columns = vec![
-        Typed::new("nominal", "u_nom", DUTY, 3, |(_, point): &Row| point.nominal),
+        Typed::new("nominal", "u_nom", Unit::DUTY, 3, |(_, point): &Row| point.nominal),
         Typed::new("gain", "gain", Unit::plain(unit(output)), 4, |(_, point): &Row| {
             Datum::Estimate(point.gain, point.gain_std)
         }),
         Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 2, |(_, point): &Row| {
             Datum::Estimate(point.time_constant_s, point.time_constant_s_std)
         }),
-        Typed::new("pole_rad_s", "1/tau", Unit::plain("rad/s"), 3, |(_, point): &Row| 1.0 / point.time_constant_s)
-            .in_detail(),
+        Typed::new("pole_rad_s", "1/tau", Unit::RAD_S, 3, |(_, point): &Row| 1.0 / point.time_constant_s).in_detail(),
         Typed::new("delay_s", "dead time", Unit::MILLISECONDS, 2, |(_, point): &Row| {
             Datum::Estimate(point.delay_s, point.delay_s_std)
         }),
@@ -60,14 +56,16 @@ pub fn points_table(points: &[Point], output: Output, fitted: Option<&PeriodicId
         Typed::new("time_constant_down_s", "tau downward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
             point.time_constant_down_s
         }),
-        Typed::new("fit_frequency_percent", "fit in frequency", PERCENT, 2, |(_, point): &Row| {
+        Typed::new("fit_frequency_percent", "fit in frequency", Unit::PERCENT, 2, |(_, point): &Row| {
             point.fit_frequency_percent
         }),
-        Typed::new("fit_square_percent", "fit on squares", PERCENT, 2, |(_, point): &Row| point.fit_square_percent),
-        Typed::new("fit_step_percent", "fit on steps", PERCENT, 2, |(_, point): &Row| point.fit_step_percent),
+        Typed::new("fit_square_percent", "fit on squares", Unit::PERCENT, 2, |(_, point): &Row| {
+            point.fit_square_percent
+        }),
+        Typed::new("fit_step_percent", "fit on steps", Unit::PERCENT, 2, |(_, point): &Row| point.fit_step_percent),
     ];
     if let Some(found) = fitted {
-        columns.push(Typed::new("reduced_chi_square", "chi2 per dof", NONE, 2, |(index, _): &Row| {
+        columns.push(Typed::new("reduced_chi_square", "chi2 per dof", Unit::NONE, 2, |(index, _): &Row| {
             found.nominals.get(*index).and_then(|one| power_over_noise(one.fit.reduced_chi_square))
         }));
     }
@@ -121,7 +119,7 @@ fn levels(fit: &StaircaseFit) -> Table {
     // In newtons a gain is a few, in revolutions per minute thousands.
     let decimals = if fit.output == Output::Rpm { 0 } else { 3 };
     let columns = [
-        Typed::new("level", "level", DUTY, 3, |level: &Level| level.command),
+        Typed::new("level", "level", Unit::DUTY, 3, |level: &Level| level.command),
         Typed::new("gain", "gain", Unit::plain(unit(fit.output)), decimals, |level: &Level| {
             level.gain.map(|gain| gain.value)
         }),
@@ -131,9 +129,9 @@ fn levels(fit: &StaircaseFit) -> Table {
         Typed::new("lower_s", "from", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.0)),
         Typed::new("upper_s", "to", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.1)),
         Typed::new("time_constant_up_s", "tau up", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.up)),
-        Typed::new("fit_up_percent", "fit", PERCENT, 1, |level: &Level| fit_of(&level.up)),
+        Typed::new("fit_up_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.up)),
         Typed::new("time_constant_down_s", "tau down", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.down)),
-        Typed::new("fit_down_percent", "fit", PERCENT, 1, |level: &Level| fit_of(&level.down)),
+        Typed::new("fit_down_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.down)),
     ];
     let known = fit.steps.iter().filter(|step| step.time_constant_s().is_some()).count();
     let caption = format!(
@@ -150,8 +148,8 @@ pub(super) fn steps(fit: &StaircaseFit) -> Table {
     let interval = |step: &Step| step.time_constant_s().map(|tau| tau.interval_of_logarithm(0.95));
     let columns = [
         Typed::new("time_s", "time", SECONDS, 2, |step: &Step| step.at_s),
-        Typed::new("from", "from", DUTY, 3, |step: &Step| step.from),
-        Typed::new("to", "to", DUTY, 3, |step: &Step| step.to),
+        Typed::new("from", "from", Unit::DUTY, 3, |step: &Step| step.from),
+        Typed::new("to", "to", Unit::DUTY, 3, |step: &Step| step.to),
         Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |step: &Step| {
             step.time_constant_s().map(|tau| tau.value)
         }),
@@ -160,7 +158,7 @@ pub(super) fn steps(fit: &StaircaseFit) -> Table {
         Typed::new("delay_s", "delay", Unit::MILLISECONDS, 1, |step: &Step| {
             step.time_constant_s().and(step.lag).map(|lag| lag.delay_s)
         }),
-        Typed::new("left_out", "left out because", NONE, 0, |step: &Step| {
+        Typed::words("left_out", "left out because", |step: &Step| {
             step.fault.map(|fault| fault.to_string()).unwrap_or_default()
         }),
     ];
