@@ -191,11 +191,7 @@ fn what_is_no_log_takes_no_option_of_one() {
     stand.refuses("identify log.csv --excitation step --output rpm", 1, &["no column was taken as rpm"]);
     stand.refuses("identify log.csv --excitation step --out log.csv", 2, &["would be read and then written over"]);
     stand.refuses("identify nowhere.csv --excitation step", 1, &["`nowhere.csv` does not exist"]);
-    stand.refuses(
-        "identify stand/experiment.toml",
-        2,
-        &["is neither an experiment's folder nor a log", "the folder that the records lie in"],
-    );
+    stand.refuses("identify stand/experiment.toml", 1, &["is not a folder", "the folder that holds experiment.toml"]);
 }
 
 #[test]

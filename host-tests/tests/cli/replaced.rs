@@ -73,6 +73,7 @@ fn a_file_of_the_same_kind_is_replaced_and_that_is_said() {
         assert_eq!(said.contains(&format!("Replaced {file}")), is_said, "{said}");
         assert!(!said.contains("Written to"), "{said}");
     }
+    assert!(stand.run(&REPORT.replace('@', "page.html")).contains("Report, replaced: page.html"));
     stand.run("diagnose sim --redesign --out-model map.toml --out-plan plan.toml --out-compensator lead.toml");
     let said = stand.run(&IDENTIFY.replace('@', "new.toml"));
     assert!(said.contains("Written to new.toml"), "{said}");

@@ -93,13 +93,6 @@ impl Measured {
 
 impl Reader {
     fn folder<'a>(&self, path: &'a Path) -> Result<&'a Path, WrongUse> {
-        if is_toml(path) {
-            let message = format!("`{}` is neither an experiment's folder nor a log", path.display());
-            return Err(WrongUse::new(
-                message,
-                "give the folder that the records lie in with their experiment.toml, or a log",
-            ));
-        }
         // Of what is not there, that is said.
         if path.exists() {
             self.log.refuse_with(path)?;

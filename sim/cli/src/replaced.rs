@@ -81,3 +81,8 @@ fn beginning(path: &Path) -> io::Result<String> {
 pub(super) fn written_to(path: &Path) -> String {
     format!("{} {}", if path.is_file() { "Replaced" } else { "Written to" }, path.display())
 }
+
+/// The same of a report.
+pub(super) fn report_at(path: &Path) -> String {
+    format!("\nReport{}: {}\n", if path.is_file() { ", replaced" } else { "" }, path.display())
+}

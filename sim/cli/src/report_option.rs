@@ -1,10 +1,8 @@
 //! `--report` and `--figures`: what a run found, for people with eyes.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::IntoDiagnostic as _;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::{Figure, Report};
 use rotorlead_records::files::{FileError, check_writable, make_folder, write_file};
@@ -12,6 +10,7 @@ use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
 use super::progress;
+use super::replaced::report_at;
 
 /// Where the report and its figures go.
 #[derive(Args, Debug)]
@@ -53,7 +52,7 @@ impl ReportOption {
         let mut text = self.figures.write(&report)?;
         if let Some(file) = &self.report {
             write_file(file, html(&report)?.as_bytes())?;
-            writeln!(text, "\nReport: {}", file.display()).into_diagnostic()?;
+            text.push_str(&report_at(file));
         }
         Ok(text)
     }

@@ -18,6 +18,7 @@ use parts::{Asked, Parts};
 use super::measured::{Measured, Reading};
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
+use super::replaced::report_at;
 use super::report_option::FiguresOption;
 use rotorlead_answer::words::wrapped;
 
@@ -74,7 +75,7 @@ impl ReportCommand {
             writeln!(text, "{}", wrapped(sentence, WIDTH, "")).into_diagnostic()?;
         }
         text.push_str(&figures);
-        writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
+        text.push_str(&report_at(&self.out));
         let mut outcome = Outcome::new(text, &parts.json(&report, &experiment));
         if let Some(logs) = logs {
             outcome.json["logs"] = json!(logs);
