@@ -52,8 +52,7 @@ impl Compare {
         let answer = comparison_answer(&a, &b, &compared);
         let written = self.report.write(|| Report {
             facts: vec![report_pages::file("A", &self.a), report_pages::file("B", &self.b), report_pages::version()],
-            sections: vec![answer.section()],
-            ..report_pages::report("Comparison", format!("{name_a} and {name_b}"), answer.verdict.clone())
+            ..report_pages::of_answer("Comparison", format!("{name_a} and {name_b}"), &answer)
         })?;
         Ok(Outcome::of(&answer, &written))
     }

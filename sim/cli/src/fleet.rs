@@ -57,8 +57,7 @@ impl Fleet {
         let answer = fleet_answer(&rows, &time_constants, &gains, output);
         let written = self.report.write(|| Report {
             facts: vec![report_pages::file("Fleet", &self.fleet)],
-            sections: vec![answer.section()],
-            ..report_pages::report("Fleet", format!("{} logs", rows.len()), answer.verdict.clone())
+            ..report_pages::of_answer("Fleet", format!("{} logs", rows.len()), &answer)
         })?;
         Ok(Outcome::of(&answer, &written))
     }

@@ -59,9 +59,7 @@ impl Vehicle {
                 file("Model", self.model.as_deref(), "the paper's Table 1"),
                 report_pages::version(),
             ],
-            warnings: answer.warnings(),
-            sections: vec![answer.section()],
-            ..report_pages::report("Vehicle", "What a compensator is worth in a vehicle", answer.verdict.clone())
+            ..report_pages::of_answer("Vehicle", "What a compensator is worth in a vehicle", &answer)
         })?;
         Ok(Outcome::of(&answer, &written))
     }

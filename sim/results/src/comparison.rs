@@ -98,13 +98,13 @@ fn table(compared: &Compared, output: Option<Output>) -> Table {
     let of_change = if quantity == Quantity::DeadTime { Unit::MILLISECONDS } else { Unit::PERCENT_OF_SHARE };
     let estimate = |(value, std): (f64, Option<f64>)| Datum::Estimate(value, std);
     let columns = [
-        Typed::new("nominal", "u_nom", Unit::plain("duty"), 3, |point: &Difference| point.nominal),
+        Typed::new("nominal", "u_nom", Unit::DUTY, 3, |point: &Difference| point.nominal),
         Typed::new("a", "A", of_value, decimals, move |point: &Difference| estimate(point.a)),
         Typed::new("b", "B", of_value, decimals, move |point: &Difference| estimate(point.b)),
         Typed::new("change", "change", of_change, 1, |point: &Difference| point.change),
         Typed::new("change_low", "from", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.0)),
         Typed::new("change_high", "to", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.1)),
-        Typed::new("differs", "differs", Unit::plain(""), 0, |point: &Difference| {
+        Typed::words("differs", "differs", |point: &Difference| {
             let word = match point.differs() {
                 Some(true) => "yes",
                 Some(false) => "not shown",

@@ -9,10 +9,10 @@ use rotorlead_plant::Point;
 use rotorlead_plant::effect::{Kind, Parameter};
 use serde_json::json;
 
+use crate::estimate;
 use crate::figures::diagnosis::diagnosis_figures;
 use crate::number::parameter_with_std;
 use crate::object;
-use crate::sections::estimate;
 use crate::unit::unit;
 
 /// What `score` is.

@@ -9,6 +9,7 @@ mod comparison;
 mod design;
 mod diagnosis;
 mod distortion;
+mod experiment;
 mod figures;
 mod fleet;
 mod identify;
@@ -18,12 +19,13 @@ pub mod paper;
 mod recommendation;
 mod redesign;
 mod request;
-mod sections;
 mod simulate;
+mod stand;
 mod unit;
 mod validation;
 mod vehicle;
 
+use rotorlead_answer::{Cell, with_std};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -36,6 +38,7 @@ pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, Designed, design_section, in_short, judged, of_another_model};
 pub use diagnosis::{diagnosis_answer, diagnosis_tone, parameter_table};
 pub use distortion::DistortionValues;
+pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use figures::bode::{Band, Curve, bode};
 pub use figures::excitation::{crest_factor, excitation};
 pub use fleet::{FleetRow, fleet_answer};
@@ -47,8 +50,8 @@ pub use recommendation::{
 };
 pub use redesign::{redesign_answer, redesign_notes, redesign_refusals};
 pub use request::{Chosen, DesignRequest, Kind, RequestError};
-pub use sections::{excitation_section, experiment_facts, simulation_section, stand_section, stand_table};
 pub use simulate::{read_plan, simulation_json};
+pub use stand::stand_answer;
 pub use unit::{quantity, unit};
 pub use validation::{validation_answer, validation_in_words};
 pub use vehicle::vehicle_answer;
@@ -59,4 +62,9 @@ fn object(values: &impl Serialize) -> Map<String, Value> {
         Ok(Value::Object(values)) => values,
         other => unreachable!("values have keys, and keys are text: {other:?}"),
     }
+}
+
+/// A value with its standard error, both times `scale`.
+fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
+    Cell::shown(scale * value, with_std(value, std, scale, digits).replace("+-", "±"))
 }
