@@ -225,7 +225,12 @@ mod pseudo {
 
     /// What the program shows on a terminal of its own, and its exit status.
     fn shown(stand: &Stand, arguments: &str, environment: &[(&str, &str)]) -> (String, Option<i32>) {
-        let terminal = openpty(&Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }, None).unwrap();
+        shown_in(80, stand, arguments, environment)
+    }
+
+    /// The same on a terminal of so many columns.
+    fn shown_in(columns: u16, stand: &Stand, arguments: &str, environment: &[(&str, &str)]) -> (String, Option<i32>) {
+        let terminal = openpty(&Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 }, None).unwrap();
         let mut process = Process::new(stand.command("").get_program());
         process.current_dir(stand.path(".")).args(arguments.split_whitespace());
         process.env("TERM", "xterm-256color").env_remove("NO_COLOR").envs(environment.iter().copied());
@@ -244,6 +249,18 @@ mod pseudo {
         text.split("\u{1b}[")
             .skip(1)
             .any(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';').starts_with('m'))
+    }
+
+    #[test]
+    fn text_is_as_wide_as_the_terminal_within_what_can_be_read() {
+        let stand = Stand::new();
+        let widest = |columns| {
+            let (text, _) = shown_in(columns, &stand, "bandwidth --model model.toml", &[("NO_COLOR", "1")]);
+            text.lines().map(|line| line.trim_end().chars().count()).max().unwrap()
+        };
+        let [narrow, usual, wide, widest] = [50, 80, 100, 400].map(widest);
+        assert!(narrow <= 50 && (60..=80).contains(&usual), "{narrow} {usual}");
+        assert!((81..=100).contains(&wide) && (100..=110).contains(&widest), "{wide} {widest}");
     }
 
     #[test]

@@ -1,16 +1,34 @@
 //! Sentences for a terminal.
 
+use std::ops::RangeInclusive;
+use std::sync::OnceLock;
+
 use rotorlead_records::files::printable_line;
 use rotorlead_records::{Finding, Severity};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
-/// Columns of a terminal.
-pub const WIDTH: usize = 80;
+/// Columns of text that goes to no terminal.
+const COLUMNS: usize = 80;
+/// Narrower a table cannot be, and wider no sentence is read well.
+const READABLE: RangeInclusive<usize> = 40..=110;
+
+static WIDTH: OnceLock<usize> = OnceLock::new();
+
+/// Makes text as wide as a terminal of so many columns, within what can be read. The first one holds; without any text has 80 columns.
+pub fn fit_terminal(columns: usize) {
+    WIDTH.get_or_init(|| columns.clamp(*READABLE.start(), *READABLE.end()));
+}
+
+/// Columns of what is written for people.
+#[must_use]
+pub fn width() -> usize {
+    WIDTH.get().copied().unwrap_or(COLUMNS)
+}
 
 /// Text no wider than a terminal, words and paths whole; all lines but the first begin with `indent`. Ends with a line break.
 #[must_use]
 pub fn paragraph(text: &str, indent: &str) -> String {
-    wrapped(text, WIDTH, indent) + "\n"
+    wrapped(text, width(), indent) + "\n"
 }
 
 /// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts. Names in it that have

@@ -45,7 +45,9 @@ use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
+use rotorlead_answer::words::fit_terminal;
 use rotorlead_records::files::printable;
+use terminal_size::{Width, terminal_size_of};
 
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
@@ -143,6 +145,9 @@ impl Arguments {
         };
         if verbosity == Verbosity::Quiet {
             progress::hide();
+        }
+        if let Some((Width(columns), _)) = terminal_size_of(stdout()) {
+            fit_terminal(columns.into());
         }
         // Into a folder that is yet to be made the JSON may go too.
         let say = |json: &JsonOption, folder: Option<&Path>, run: &dyn Fn() -> miette::Result<Outcome>| {

@@ -18,7 +18,7 @@ use rotorlead_records::{Excitation, Experiment, Output};
 use super::WrongUse;
 use super::parameters::{number, range};
 use super::report_option::{arguments, this_command_with};
-use rotorlead_answer::words::{remark, wrapped};
+use rotorlead_answer::words::{remark, width, wrapped};
 
 /// What is in a log, for every command that reads one.
 #[derive(Args, Debug)]
@@ -284,9 +284,6 @@ pub fn called_alike(name: &str) -> miette::Report {
     )
 }
 
-/// Columns of a terminal that sentences keep to.
-const WIDTH: usize = 80;
-
 /// How many rows there are.
 fn taken(summary: &ImportSummary) -> String {
     format!("{}: {} of {} rows taken\n", summary.file.display(), summary.rows_taken, summary.rows_read)
@@ -294,7 +291,7 @@ fn taken(summary: &ImportSummary) -> String {
 
 /// What a reader may have guessed.
 fn notes(summary: &ImportSummary) -> String {
-    summary.notes.iter().map(|note| format!("\nnote: {}\n", wrapped(note, WIDTH - 6, "      "))).collect()
+    summary.notes.iter().map(|note| format!("\nnote: {}\n", wrapped(note, width() - 6, "      "))).collect()
 }
 
 /// Rows, timing and columns.
@@ -308,11 +305,11 @@ fn describe(summary: &ImportSummary) -> String {
         let rows = if dropped.rows == 1 { "row" } else { "rows" };
         say(format!(
             "  {}",
-            wrapped(&format!("{} {rows} left out: {}", dropped.rows, dropped.reason), WIDTH - 4, "    ")
+            wrapped(&format!("{} {rows} left out: {}", dropped.rows, dropped.reason), width() - 4, "    ")
         ));
     }
     let timing = &summary.timing;
-    say(format!("  {}", wrapped(&format!("{:.1} rows/s; {}", timing.rate_hz, timing.method), WIDTH - 4, "    ")));
+    say(format!("  {}", wrapped(&format!("{:.1} rows/s; {}", timing.rate_hz, timing.method), width() - 4, "    ")));
     if let (Some(rms), Some(max)) = (timing.residual_rms_s, timing.residual_max_s) {
         say(format!("  stamps are off the even grid by {:.1} ms RMS, {:.1} ms at most", 1e3 * rms, 1e3 * max));
     }

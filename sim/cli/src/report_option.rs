@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_answer::words::paragraph;
 use rotorlead_answer::{Figure, Report};
 use rotorlead_records::files::{FileError, check_writable, make_folder, write_file};
 use rotorlead_records::import::{MissingOption, shell_word};
@@ -91,7 +92,7 @@ impl FiguresOption {
         }
         let listed = |what: &str, names: Vec<&str>| {
             let line = format!("{what} in {}: {}", folder.display(), names.join(", "));
-            if names.is_empty() { String::new() } else { rotorlead_answer::words::wrapped(&line, 80, "  ") + "\n" }
+            if names.is_empty() { String::new() } else { paragraph(&line, "  ") }
         };
         let figures = listed("Figures", figures.iter().map(|figure| figure.name.as_str()).collect());
         let tables = listed("Tables", tables.iter().map(|table| table.name.as_str()).collect());

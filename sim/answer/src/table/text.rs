@@ -5,7 +5,7 @@ use textwrap::core::display_width;
 use textwrap::{Options, WordSeparator, WordSplitter};
 
 use super::Table;
-use crate::words::WIDTH;
+use crate::words::width;
 
 /// What each line begins with.
 const INDENT: usize = 2;
@@ -32,11 +32,12 @@ fn narrowest(heading: &str, most: usize) -> usize {
 }
 
 impl Table {
-    /// The caption, the table without the columns that are detail, and the notes, no wider than 80 columns. Headings are broken where the columns would be too wide for a line, then
+    /// The caption, the table without the columns that are detail, and the notes, no wider than
+    /// [`width`]. Headings are broken where the columns would be too wide for a line, then
     /// the widest words are; a table that is too wide even so goes on below, with its first column again.
     #[must_use]
     pub fn text(&self) -> String {
-        let mut text: String = lines(&self.caption, WIDTH).iter().map(|line| format!("{line}\n")).collect();
+        let mut text: String = lines(&self.caption, width()).iter().map(|line| format!("{line}\n")).collect();
         let mut rest: Vec<usize> = (0..self.columns.len())
             .filter(|column| !self.columns[*column].is_detail && self.is_known(column))
             .collect();
@@ -44,7 +45,7 @@ impl Table {
             let least = rest.len().min(2);
             let fitting = (least..=rest.len()).rev().find_map(|taken| Some((taken, self.layout(&rest[..taken])?)));
             let (taken, (gap, widths)) =
-                fitting.unwrap_or_else(|| (least, (GAPS[0], vec![WIDTH / least - GAPS[0]; least])));
+                fitting.unwrap_or_else(|| (least, (GAPS[0], vec![width() / least - GAPS[0]; least])));
             self.write(&rest[..taken], gap, &widths, &mut text);
             rest.drain(..taken);
             if !rest.is_empty() {
@@ -53,7 +54,7 @@ impl Table {
             }
         }
         for note in &self.notes {
-            text.extend(lines(note, WIDTH - INDENT).iter().map(|line| format!("{:INDENT$}{line}\n", "")));
+            text.extend(lines(note, width() - INDENT).iter().map(|line| format!("{:INDENT$}{line}\n", "")));
         }
         text
     }
@@ -78,7 +79,7 @@ impl Table {
     /// Gap and widths of columns that stand side by side, with headings of as few lines as will do; `None` where there is no room
     /// for them.
     fn layout(&self, columns: &[usize]) -> Option<(usize, Vec<usize>)> {
-        let room = |gap: usize| (WIDTH - INDENT).saturating_sub(gap * (columns.len() - 1));
+        let room = |gap: usize| (width() - INDENT).saturating_sub(gap * (columns.len() - 1));
         let headings: Vec<String> = columns.iter().map(|column| self.heading(*column)).collect();
         let most = headings.iter().map(|heading| heading.split(' ').count()).max()?;
         let with_headings_in = |most: usize| -> Vec<usize> {

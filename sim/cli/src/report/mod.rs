@@ -3,11 +3,9 @@
 mod parts;
 mod words;
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::IntoDiagnostic as _;
 use rotorlead_plant::Model;
 use rotorlead_records::files::{check_writable, printable, write_file};
 use rotorlead_report::html;
@@ -20,10 +18,7 @@ use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
 use super::replaced::report_at;
 use super::report_option::FiguresOption;
-use rotorlead_answer::words::wrapped;
-
-/// Width of what is said.
-const WIDTH: usize = 80;
+use rotorlead_answer::words::paragraph;
 
 /// Everything that an experiment or a log says, in one report: identification, validation, compensator, bandwidth and diagnosis
 ///
@@ -70,9 +65,9 @@ impl ReportCommand {
         write_file(&self.out, html(&report)?.as_bytes())?;
 
         let mut text = if of_log.is_empty() { of_log } else { of_log + "\n" };
-        writeln!(text, "{}", wrapped(&report.verdict.headline, WIDTH, "")).into_diagnostic()?;
+        text.push_str(&paragraph(&report.verdict.headline, ""));
         for sentence in &report.verdict.sentences {
-            writeln!(text, "{}", wrapped(sentence, WIDTH, "")).into_diagnostic()?;
+            text.push_str(&paragraph(sentence, ""));
         }
         text.push_str(&figures);
         text.push_str(&report_at(&self.out));
