@@ -66,7 +66,10 @@ fn a_good_folder_has_nothing_wrong_with_it() {
     let stand = good();
     let (found, status) = findings(&stand, "good");
     assert_eq!((found, status), (Vec::new(), 0));
-    assert_eq!(stand.run("check good"), "good: 4 records; nothing is wrong with it\n");
+    assert_eq!(
+        stand.run("check good"),
+        "good: 4 records; nothing is wrong with the records; `rotorlead identify`\n  judges the motor\n"
+    );
 }
 
 #[test]

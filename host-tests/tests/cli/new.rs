@@ -27,7 +27,10 @@ fn every_command_that_it_names_runs_and_the_check_is_clean() {
     for line in rehearsal.iter().chain(excitation) {
         let text = run(line);
         if line.starts_with("rotorlead check") {
-            assert_eq!(text, "rehearsal: 6 records; nothing is wrong with it\n");
+            assert_eq!(
+                text,
+                "rehearsal: 6 records; nothing is wrong with the records; `rotorlead identify`\n  judges the motor\n"
+            );
         }
     }
     // Before anything is recorded, each record that is to come is named, in one finding that says what is next.

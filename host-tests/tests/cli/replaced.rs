@@ -83,6 +83,15 @@ fn a_file_of_the_same_kind_is_replaced_and_that_is_said() {
 }
 
 #[test]
+fn a_dash_is_standard_output_for_json_alone() {
+    let stand = written();
+    for command in [IDENTIFY, DESIGN, REPORT, EXCITE] {
+        stand.refuses(&command.replace('@', "-"), 2, &["only --json goes to standard output"]);
+    }
+    assert!(stand.run(&JSON.replace('@', "-")).starts_with('{'));
+}
+
+#[test]
 fn force_replaces_what_is_there() {
     let stand = written();
     stand.run(&format!("--force {}", IDENTIFY.replace('@', "notes.txt")));

@@ -75,10 +75,12 @@ impl Answer {
         let listed = |sentences: &[String]| -> String {
             sentences.iter().map(|sentence| paragraph(&format!("- {sentence}"), "  ")).collect()
         };
+        let mut verdict = paragraph(&self.verdict.headline, "  ") + &listed(said);
         if !rest.is_empty() {
             detail += &format!("\n{}", listed(rest));
+            verdict += &format!("  {} more by --verbose\n", rest.len());
         }
-        Text { shown, detail, verdict: paragraph(&self.verdict.headline, "  ") + &listed(said) }
+        Text { shown, detail, verdict }
     }
 
     /// For programs: the headline, the findings as sentences, the rows of tables that have a key, and the further values.

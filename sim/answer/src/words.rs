@@ -49,11 +49,14 @@ pub fn warning(sentence: &str) -> String {
     paragraph(&format!("warning: {sentence}"), "  ")
 }
 
-/// Words as a sentence of their own: a capital letter, and a full stop where there is none.
+/// Words as a sentence of their own: a capital letter, unless they begin with the name of a file, and a full stop where there is none.
 #[must_use]
 pub fn sentence(words: &str) -> String {
     let mut letters = words.chars();
-    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    let is_name =
+        words.split(' ').next().is_some_and(|word| word.trim_end_matches(['.', ':', ',']).contains(['.', '_', '/']));
+    let upper = |first: char| if is_name { first.to_string() } else { first.to_uppercase().to_string() };
+    let first = letters.next().map(upper).unwrap_or_default();
     let stop = if words.ends_with(['.', '?', ':']) { "" } else { "." };
     format!("{first}{}{stop}", letters.as_str())
 }

@@ -1,6 +1,6 @@
 //! What takes away what a lead gains on a model.
 
-use rotorlead_identify::design::{Chain, DesignOptions, Latency, bandwidths_with, chain_phases, design};
+use rotorlead_identify::design::{Chain, ChainPhase, DesignOptions, Latency, bandwidths_with, chain_phases, design};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 
 /// Where dead time takes the use from what the lead gains, with a flight controller's usual pulses.
@@ -10,14 +10,27 @@ pub fn lost(model: &Model) -> Option<String> {
     let chain = Chain::Designed(lead);
     let points = bandwidths_with(model, &effects, chain);
     let phases = chain_phases(model, &effects, chain, &Latency::standard(lead.loop_rate_hz()), &points);
-    let lost = points.iter().zip(&phases).filter(|(point, phase)| phase.is_gain_lost(point)).count();
-    let longest_s = phases.iter().map(|phase| phase.dead_time_s()).fold(0.0, f64::max);
-    (lost > 0).then(|| {
-        format!(
-            "a dead time of {:.1} ms takes what a lead gains at {lost} of {} points from any loop around it: shorten the pulses, or \
-             find out whether the log makes it",
-            1e3 * longest_s,
-            points.len()
-        )
-    })
+    let lost: Vec<&ChainPhase> =
+        points.iter().zip(&phases).filter(|(point, phase)| phase.is_gain_lost(point)).map(|(_, phase)| phase).collect();
+    let longest = lost.iter().max_by(|a, b| a.dead_time_s().total_cmp(&b.dead_time_s()))?;
+    Some(format!(
+        "a dead time of {:.1} ms takes what a lead gains at {} of {} points from any loop around it: {}",
+        1e3 * longest.dead_time_s(),
+        lost.len(),
+        points.len(),
+        dead_time_remedy(longest)
+    ))
+}
+
+/// What to do about a dead time, by its larger part.
+#[must_use]
+pub fn dead_time_remedy(phase: &ChainPhase) -> &'static str {
+    if phase.model_dead_time_s > phase.compensated.late_s {
+        "find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
+         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
+         bandwidth does not shorten it, but amplifies less noise above what can be used"
+    } else {
+        "use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
+         --output-frame some percent above it"
+    }
 }

@@ -11,6 +11,7 @@ mod ramp;
 mod residual;
 
 pub use comparison::{Compared, ComparisonError, Difference, Quantity, compare};
+pub use gain::dead_time_remedy;
 pub use other_output::OtherOutput;
 pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
@@ -18,16 +19,13 @@ use rotorlead_identify::check::{Findings, of_lag, of_record};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Judgement, Model, Word};
 use rotorlead_records::{Experiment, Topic};
-use rotorlead_vehicle::{Asked, NOT_A_LAG, Recommendation, recommend};
+use rotorlead_vehicle::{Asked, Recommendation, recommend};
 
 /// What a lag may miss of a response, percent, and still be one to design with: a step of 5 % is about the smallest that a compensator
 /// is asked to sharpen.
 const LARGEST_ERROR_PERCENT: f64 = 5.0;
 /// A time constant is known well enough to this part of it: by as much the gain of a lead at its zero is off, some 1 dB.
 const LARGEST_STD: f64 = 0.1;
-
-/// Why nothing is flown where units or signs are wrong.
-const IN_DOUBT: &str = "the numbers of the records are in doubt";
 
 /// A model beside records.
 #[derive(Clone, Debug)]
@@ -68,6 +66,8 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
         };
     }
     let records = validate(experiment, model);
+    // Nothing below is worth more than the numbers.
+    let in_doubt = claims.of_findings(experiment, model);
     if not_compared.long {
         let reason =
             "there are records too long to be compared while they are read: `rotorlead validate` compares them";
@@ -86,12 +86,10 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
     }
     claims.of_points(model);
     claims.0.extend(gain::lost(model).map(|limit| (Word::ReadyWithinLimits, limit)));
-    let in_doubt = claims.of_findings(experiment, model);
     let other_output = records.is_ok().then(|| OtherOutput::of(experiment, model)).flatten();
     claims.0.extend(other_output.iter().filter_map(OtherOutput::limit).map(|limit| (Word::ReadyWithinLimits, limit)));
-    let judgement = claims.judgement();
-    let doubt = if in_doubt { Some(IN_DOUBT) } else { (judgement.state == Word::NotALag).then_some(NOT_A_LAG) };
-    let recommendation = recommend(model, doubt, &Asked::default()).ok();
+    let judgement = Judgement { in_doubt, ..claims.judgement() };
+    let recommendation = recommend(model, judgement.doubt(), &Asked::default()).ok();
     Assessment { judgement, recommendation, other_output, records }
 }
 
@@ -199,7 +197,7 @@ impl Claims {
     fn judgement(mut self) -> Judgement {
         self.0.sort_by_key(|(word, _)| std::cmp::Reverse(*word));
         let word = self.0.first().map_or(Word::Ready, |(word, _)| *word);
-        Judgement { state: word, limits: self.0.into_iter().map(|(_, reason)| reason).collect() }
+        Judgement { state: word, limits: self.0.into_iter().map(|(_, reason)| reason).collect(), in_doubt: false }
     }
 }
 

@@ -27,7 +27,7 @@ fn effect(kind: &str, parameters: &str) -> String {
 #[test]
 fn a_lag_on_held_out_records_is_ready() {
     let judgement = judged(&stand(""));
-    assert_eq!(judgement, Judgement { state: Word::Ready, limits: Vec::new() });
+    assert_eq!(judgement, Judgement { state: Word::Ready, limits: Vec::new(), in_doubt: false });
 }
 
 #[test]

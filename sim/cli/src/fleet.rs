@@ -65,12 +65,12 @@ impl Fleet {
     fn few<E: std::error::Error + Send + Sync + 'static>(&self, logs: &[Log]) -> impl Fn(E) -> miette::Report {
         let with_model = logs.iter().filter(|log| !log.points.is_empty()).count();
         let (fleet, count) = (self.fleet.display().to_string(), logs.len());
-        move |error| {
-            miette::miette!(
-                help = "identify each log first: rotorlead identify DIR/LOG --out DIR/LOG/model.toml",
-                "`{fleet}`: {error}; {with_model} of its {count} logs have a {MODEL}"
-            )
-        }
+        let help = if with_model < count {
+            "identify each log first: rotorlead identify DIR/LOG --out DIR/LOG/model.toml"
+        } else {
+            "a fleet is three logs or more that share commands; two are compared by rotorlead compare A B"
+        };
+        move |error| miette::miette!(help = help, "`{fleet}`: {error}; {with_model} of its {count} logs have a {MODEL}")
     }
 }
 

@@ -54,7 +54,7 @@ pub use self::help_pages::{HelpPage, help_pages};
 use self::outcome::{JsonOption, Outcome, Verbosity};
 pub use self::wrong_use::WrongUse;
 
-/// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
+/// Identifies the lag of a motor with its propeller from thrust-stand records, designs the compensator that
 /// speeds it up, and tests the very filter that flies on simulated actuators.
 #[derive(Debug, Parser)]
 #[command(name = "rotorlead", version, max_term_width = 80, after_help = AFTER_HELP)]

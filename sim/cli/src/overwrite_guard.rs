@@ -44,6 +44,10 @@ pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), Wrong
         return Err(WrongUse::new(message, "rename it, or name another"));
     }
     let (outputs, inputs): (Vec<Named>, Vec<Named>) = paths.into_iter().partition(|named| WRITTEN.contains(&named.id));
+    if let Some(Named { option, .. }) = outputs.iter().find(|output| output.path == Path::new("-")) {
+        let message = format!("{option} is `-`, and only --json goes to standard output");
+        return Err(WrongUse::new(message, "name a file; of a file that is called so, ./-"));
+    }
     for (index, output) in outputs.iter().enumerate() {
         inputs.iter().try_for_each(|input| check_input(input, output))?;
         outputs[..index].iter().try_for_each(|earlier| check_apart(earlier, output))?;

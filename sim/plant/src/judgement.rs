@@ -12,6 +12,22 @@ pub struct Judgement {
     pub state: Word,
     /// Why, what weighs most first, each with what to do; none where it is [`Word::Ready`].
     pub limits: Vec<String>,
+    /// Whether units or signs of the records are wrong, so that no number of the model is what it says.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub in_doubt: bool,
+}
+
+/// Why nothing is flown on a motor that is not a lag.
+const NOT_A_LAG: &str = "the motor is not a lag, and a compensator inverts one";
+/// Why nothing is flown where units or signs are wrong.
+const IN_DOUBT: &str = "the numbers of the records are in doubt";
+
+impl Judgement {
+    /// Why nothing is flown on the model, whatever it promises; `None` where that is not so.
+    #[must_use]
+    pub fn doubt(&self) -> Option<&'static str> {
+        if self.in_doubt { Some(IN_DOUBT) } else { (self.state == Word::NotALag).then_some(NOT_A_LAG) }
+    }
 }
 
 /// The four words, from the best on.

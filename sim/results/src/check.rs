@@ -21,7 +21,7 @@ pub fn check_answer(name: &str, inspection: &Inspection) -> Answer {
     let unread: BTreeSet<_> = inspection.unreadable.iter().filter_map(|fault| fault.file.as_deref()).collect();
     let records = inspection.experiment.as_ref().map(|experiment| experiment.records.len() + unread.len());
     let (tone, found) = match (errors, warnings) {
-        (0, 0) => (Tone::Good, "nothing is wrong with it".to_owned()),
+        (0, 0) => (Tone::Good, "nothing is wrong with the records; `rotorlead identify` judges the motor".to_owned()),
         (0, _) => (Tone::Attention, format!("{}, no error", counted(warnings, "warning"))),
         _ => (Tone::Bad, format!("{}, {}", counted(errors, "error"), counted(warnings, "warning"))),
     };

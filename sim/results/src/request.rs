@@ -4,9 +4,9 @@ use miette::Diagnostic;
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Latency, Setting, design};
-use rotorlead_plant::{Model, PlantError, Word};
+use rotorlead_plant::{Judgement, Model, PlantError};
 use rotorlead_records::Finding;
-use rotorlead_vehicle::{ActuatorKind, Asked, Choice, NOT_A_LAG, Purpose, Recommendation, VehicleError, recommend};
+use rotorlead_vehicle::{ActuatorKind, Asked, Choice, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
 
 use super::design::DesignResult;
@@ -166,9 +166,8 @@ impl DesignRequest {
         if let Some(kind) = self.kind() {
             return Ok(self.of_kind(kind, model));
         }
-        let is_none = || model.judgement().is_some_and(|judgement| judgement.state == Word::NotALag);
         let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
-        let found = || recommend(model, is_none().then_some(NOT_A_LAG), &asked);
+        let found = || recommend(model, model.judgement().and_then(Judgement::doubt), &asked);
         let recommendation = known.map_or_else(found, Ok)?;
         let choice = recommendation.of(purpose);
         let chosen = match choice.actuator {

@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead::compensator::Compensator;
 use rotorlead::throttle::Command;
-use rotorlead_identify::design::{DesignOptions, InverseOptions, Setting, design, design_inverse};
+use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
 use rotorlead_plant::{CompensatorDesign, Model};
 use serde::Serialize;
 
@@ -89,7 +89,6 @@ pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec
     for &omega_f_rad_s in &options.inverse_rad_s {
         let kind = ActuatorKind::Inverse { omega_f_rad_s };
         let options = InverseOptions {
-            setting: Some(Setting::Exact),
             omega_f_rad_s: Some(omega_f_rad_s),
             loop_rate_hz: TICK_HZ,
             range,

@@ -26,7 +26,7 @@ pub use actuator::ActuatorKind;
 pub use airframe::{Actuators, Airframe, Controller, Hover, Lateral, Roll};
 pub use error::VehicleError;
 pub use lateral::ForcePerformance;
-pub use recommendation::{Asked, Candidate, Choice, NOT_A_LAG, Purpose, Recommendation, design_options, recommend};
+pub use recommendation::{Asked, Candidate, Choice, Purpose, Recommendation, design_options, recommend};
 pub use response::Margins;
 pub use study::{AtLatency, ForceRow, KeptGains, Performance, Refused, Row, Study, steps, study};
 pub use tuning::{Gains, TuningRule};

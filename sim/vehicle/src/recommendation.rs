@@ -139,9 +139,6 @@ impl Recommendation {
     }
 }
 
-/// Why nothing is flown on a motor that is not a lag.
-pub const NOT_A_LAG: &str = "the motor is not a lag, and a compensator inverts one";
-
 /// What is asked of every compensator that is compared; the default of its kind where nothing is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Asked {
@@ -362,7 +359,7 @@ struct Step {
     drawn: Vec<(f64, f64)>,
 }
 
-/// What lets a force rise soonest and leaves the step of the command room at hover.
+/// What lets a force rise soonest without a step that meets a limit anywhere in the range.
 fn of_force(candidates: &[Candidate]) -> Choice {
     let none = |why: String| Choice { actuator: ActuatorKind::None, why };
     let Some(bare_s) = candidates.first().and_then(|bare| bare.rise_s) else {
@@ -391,10 +388,10 @@ fn of_force(candidates: &[Candidate]) -> Choice {
 /// What is better than none by the rule of `rotorlead vehicle`, and has the highest bandwidth.
 fn of_rate_loop(candidates: &[Candidate]) -> Choice {
     let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
-    let better = others.iter().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);
-    let better = better.filter(|row| row.worth(&bare.rate_loop) == Some(Worth::Better));
+    let better = || others.iter().filter(|one| one.rate_loop.worth(&bare.rate_loop) == Some(Worth::Better));
+    let kept = better().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);
     let bandwidth = |row: &&Row| row.performance.as_ref().map_or(0.0, |found| found.margins.bandwidth_rad_s);
-    match better.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {
+    match kept.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {
         Some(best) => Choice {
             actuator: best.actuator,
             why: match best.ratios(&bare.rate_loop) {
@@ -406,8 +403,14 @@ fn of_rate_loop(candidates: &[Candidate]) -> Choice {
         },
         None => Choice {
             actuator: ActuatorKind::None,
-            why: "tuned again, none is better in bandwidth or against gusts without being worse in the other"
-                .to_owned(),
+            why: match better().next() {
+                Some(lost) => format!(
+                    "dead time takes from {} what it gains at every operating point, and the little that is left does not pay for its noise",
+                    lost.actuator.name()
+                ),
+                None => "tuned again, none is better in bandwidth or against gusts without being worse in the other"
+                    .to_owned(),
+            },
         },
     }
 }
@@ -441,7 +444,7 @@ mod tests {
 
     #[test]
     fn nothing_is_flown_on_what_is_no_lag() {
-        let found = recommend(&table_1(), Some(NOT_A_LAG), &Asked::default()).unwrap();
+        let found = recommend(&table_1(), Some("it is none"), &Asked::default()).unwrap();
         assert_eq!((found.force.actuator, found.rate_loop.actuator), (ActuatorKind::None, ActuatorKind::None));
     }
 

@@ -7,7 +7,7 @@ mod verdict;
 pub use tables::{DeviatingActuator, bandwidth_cell, bandwidth_text};
 pub use verdict::{bandwidth_range, predicted_bandwidth};
 
-use rotorlead_answer::{Answer, Section, Table};
+use rotorlead_answer::{Answer, Section, Table, Verdict};
 use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases,
 };
@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 use self::tables::bandwidth_values;
 use self::verdict::faster_as_measured;
-use super::design::{judged, lost_gain, of_another_model};
+use super::design::{doubts_in_short, in_short, judged, lost_gain, of_another_model};
 use super::figures::compensation::{bandwidths, color, measured, simulated, simulation_and_experiment};
 use super::latency::latency_json;
 use super::object;
@@ -72,11 +72,20 @@ impl BandwidthResult {
     pub fn answer(&self, model: &Model, chain: Chain) -> Answer {
         let Section { name: _, title: _, text, tables, mut figures } = self.section(chain);
         figures.push(simulated(model, chain));
+        let verdict = faster_as_measured(&self.points, self.measured_bandwidths());
         Answer {
             name: "bandwidth",
             title: "Bandwidth",
-            text,
-            verdict: faster_as_measured(&self.points, self.measured_bandwidths()),
+            text: chain
+                .design()
+                .map(|design| format!("The compensator: {}.", in_short(design)))
+                .into_iter()
+                .chain(text)
+                .collect(),
+            verdict: Verdict {
+                sentences: [doubts_in_short(model, &self.points, &self.phases), verdict.sentences].concat(),
+                ..verdict
+            },
             findings: judged(model).into_iter().chain(self.findings.clone()).collect(),
             tables,
             figures,

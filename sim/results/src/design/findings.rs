@@ -1,5 +1,6 @@
 //! What is to be known of a compensator before it flies.
 
+use rotorlead_assess::dead_time_remedy;
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase, DesignedInverse, REACH};
 use rotorlead_plant::{CompensatorDesign, CompensatorProvenance, Model, Word};
 use rotorlead_records::Finding;
@@ -29,6 +30,16 @@ pub fn of_another_model(compensator: &CompensatorDesign, model: &Model) -> Optio
             "design it for this one, or give the model that it was designed for",
         )
     })
+}
+
+/// What takes the worth from whatever is promised, a sentence each: that the model is no lag or not known to be one, and that dead time takes the gain.
+pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<String> {
+    let state = model.judgement().map(|judgement| judgement.state).filter(|state| *state >= Word::MeasureAgain);
+    let lost = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).count();
+    let of_dead_time = (lost > 0).then(|| {
+        format!("For a loop around the motor dead time takes what is gained at {lost} of {} points.", points.len())
+    });
+    state.map(|state| format!("The model was judged: {state}.")).into_iter().chain(of_dead_time).collect()
 }
 
 /// What is to be known of the design itself.
@@ -114,16 +125,7 @@ pub(crate) fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Opt
         cell(phase.compensated.minus_90),
         cell(phase.uncompensated.minus_90),
     );
-    // By the larger part of the dead time.
-    let remedy = if phase.model_dead_time_s > phase.compensated.late_s {
-        "find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
-         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
-         bandwidth does not shorten it, but amplifies less noise above what can be used"
-    } else {
-        "use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
-         --output-frame some percent above it"
-    };
-    Some(warning(message, remedy))
+    Some(warning(message, dead_time_remedy(phase)))
 }
 
 fn warning(message: String, remedy: &str) -> Finding {

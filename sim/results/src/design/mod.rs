@@ -3,7 +3,7 @@
 mod findings;
 mod tables;
 
-pub(crate) use findings::lost_gain;
+pub(crate) use findings::{doubts_in_short, lost_gain};
 pub use findings::{judged, of_another_model};
 pub use tables::{design_section, in_short};
 
@@ -97,7 +97,7 @@ impl DesignResult {
             name: "compensator",
             title: "Compensator",
             text: Vec::new(),
-            verdict: self.verdict(&findings),
+            verdict: self.verdict(model, &findings),
             findings,
             tables: compared.chain(of_design.tables).chain(of_bandwidth.tables).collect(),
             figures: [of_design.figures, of_bandwidth.figures].concat(),
@@ -106,15 +106,19 @@ impl DesignResult {
     }
 
     /// What is designed, what it does to the bandwidths, and how much room it takes.
-    fn verdict(&self, findings: &[Finding]) -> Verdict {
+    fn verdict(&self, model: &Model, findings: &[Finding]) -> Verdict {
         let tone = if findings.is_empty() { Tone::Good } else { Tone::Attention };
         let room = format!(
             "A step of the command becomes up to {:.2} times as large: leave room for it, or the command is clipped.",
             self.compensator.step_peak()
         );
         let lead = if self.compensator.as_lead().is_some() { "lead, " } else { "" };
-        Verdict::new(tone, format!("Designed: {lead}{}.", in_short(&self.compensator)))
-            .with(vec![predicted_bandwidth(&self.bandwidth.points), room])
+        Verdict::new(tone, format!("Designed: {lead}{}.", in_short(&self.compensator))).with(
+            doubts_in_short(model, &self.bandwidth.points, &self.bandwidth.phases)
+                .into_iter()
+                .chain([predicted_bandwidth(&self.bandwidth.points), room])
+                .collect(),
+        )
     }
 
     /// For programs: what the file holds, and what its check and the predictions say. What is not known is null.
