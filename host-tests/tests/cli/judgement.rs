@@ -6,7 +6,7 @@ use std::thread;
 
 use serde_json::Value;
 
-use crate::stand::Stand;
+use crate::stand::{Stand, flowing};
 
 /// Logs with how they are imported.
 fn logs() -> Vec<(PathBuf, &'static str)> {
@@ -46,19 +46,24 @@ fn judged_alike(stand: &Stand, name: &str) -> Value {
         assert!(says, "{name}: `{command}`");
     }
     // Without records they say what the file of the model says.
-    for command in ["bandwidth --model found.toml", "design --model found.toml --out c.toml"] {
-        let output = stand.command(&format!("{command} --json -")).output().unwrap();
+    let says = |found: &Value| found["warnings"].to_string().contains(&format!("as {word}"));
+    let found = stand.json("bandwidth --model found.toml");
+    assert_eq!(says(&found), word != "ready", "{name}: {}", found["warnings"]);
+    for (purpose, key) in [("force", "force"), ("rate-loop", "rate_loop")] {
+        let command = format!("design --model found.toml --purpose {purpose} --out c.toml --json -");
+        let output = stand.command(&command).output().unwrap();
+        let expected = &identified["recommend"][key];
         if !output.status.success() {
-            // Without a kind nothing is designed that is not recommended, and of two the answer is the same.
-            let said = String::from_utf8(output.stderr).unwrap();
-            assert!(said.contains("none is recommended for a force"), "{name}: `{command}`: {said}");
-            assert_eq!(identified["recommend"]["force"]["kind"], "none", "{name}: `{command}`");
+            // Without a kind nothing is designed that is not recommended.
+            let said = flowing(&String::from_utf8(output.stderr).unwrap());
+            let why = expected["why"].as_str().unwrap();
+            assert!(said.contains("none is recommended for a") && said.contains(why), "{name}: `{command}`: {said}");
+            assert_eq!(expected["kind"], "none", "{name}: `{command}`");
             continue;
         }
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let warnings = found["warnings"].to_string();
-        let says = warnings.contains(&format!("as {word}"));
-        assert_eq!(says, word != "ready", "{name}: `{command}` {warnings}");
+        assert_eq!((&found["recommend"][key], says(&found)), (expected, word != "ready"), "{name}: `{command}`");
+        assert_ne!(expected["kind"], "none", "{name}: `{command}`");
     }
     // The diagnosis asks more, and takes back neither of the two words that say something of the lag. It has nothing to say of
     // records of which nothing repeats and nothing rests.
@@ -103,4 +108,30 @@ fn a_ramp_that_a_lag_imitates_is_no_lag() {
     let page = stand.read("page.html");
     assert!(page.contains(": not a lag") && page.contains("slew-rate limit"));
     assert!(judgement["limits"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");
+}
+
+#[test]
+fn where_the_numbers_are_in_doubt_that_comes_first_and_nothing_is_built() {
+    let stand = Stand::of_two_levels();
+    stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
+    fs::remove_dir_all(stand.path("stand")).unwrap();
+    fs::rename(stand.path("sim"), stand.path("stand")).unwrap();
+    // Grams-force that are called newtons.
+    for entry in fs::read_dir(stand.path("stand")).unwrap() {
+        let file = entry.unwrap().path();
+        if file.extension().is_some_and(|end| end == "csv") {
+            let rows = fs::read_to_string(&file).unwrap();
+            let in_grams = |line: &str| match line.rsplit_once(',').map(|(rest, last)| (rest, last.parse::<f64>())) {
+                Some((rest, Ok(newtons))) => format!("{rest},{}\n", 101.97 * newtons),
+                _ => format!("{line}\n"),
+            };
+            fs::write(&file, rows.lines().map(in_grams).collect::<String>()).unwrap();
+        }
+    }
+    let judgement = judged_alike(&stand, "grams");
+    assert_eq!((&judgement["state"], &judgement["in_doubt"]), (&"measure again".into(), &true.into()));
+    assert!(judgement["limits"][0].as_str().unwrap().starts_with("the numbers are in doubt"), "{judgement}");
+    for purpose in ["force", "rate_loop"] {
+        assert_eq!(judgement["recommend"][purpose]["kind"], "none", "{judgement}");
+    }
 }

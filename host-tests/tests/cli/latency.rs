@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use rotorlead_results::paper::table_1;
 use serde_json::Value;
 
-use crate::stand::{MODEL, Stand};
+use crate::stand::{MODEL, Stand, flowing};
 
 /// From pulse in to pulse out with the defaults: half of 1000 to 2000 us, the filter of the input, half a tick.
 const LATENCY_S: f64 = 1602.2e-6;
@@ -19,11 +19,6 @@ fn late(delay_s: f64) -> Stand {
 
 fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
-}
-
-/// Text without the line breaks of its layout.
-fn flowing(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// The phase of lag and dead time, degrees.

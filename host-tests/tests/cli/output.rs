@@ -6,7 +6,7 @@ use std::process::{Command as Process, Stdio};
 use clap::CommandFactory as _;
 use rotorlead_cli::Arguments;
 
-use crate::stand::{Stand, program, report};
+use crate::stand::{Stand, flowing, program, report};
 
 /// Commands without `--json`: what they print is a script or a page.
 const WITHOUT_JSON: [&str; 2] = ["completions", "man"];
@@ -17,11 +17,6 @@ fn commands() -> Vec<String> {
     let names: Vec<String> = program.get_subcommands().map(|command| command.get_name().to_owned()).collect();
     assert!(names.len() >= 15, "{names:?}");
     names
-}
-
-/// Text without the line breaks and indents of its layout.
-fn flowing(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[test]

@@ -239,6 +239,11 @@ pub fn everything(folder: &Path) -> Vec<(PathBuf, Option<Vec<u8>>)> {
     found
 }
 
+/// Text without the line breaks and indents of its layout.
+pub fn flowing(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// What is on standard error.
 pub fn report(assert: &Assert) -> String {
     String::from_utf8(assert.get_output().stderr.clone()).unwrap()

@@ -4,17 +4,12 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::stand::{AIRFRAME, Stand};
+use crate::stand::{AIRFRAME, Stand, flowing};
 
 const SMALL: &str = "vehicle --airframe airframe.toml --model model.toml";
 
 fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
-}
-
-/// Text without the line breaks of its layout.
-fn flowing(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Bandwidth and disturbance peak of each actuator over those of none.

@@ -405,7 +405,7 @@ fn of_rate_loop(candidates: &[Candidate]) -> Choice {
             actuator: ActuatorKind::None,
             why: match better().next() {
                 Some(lost) => format!(
-                    "dead time takes from {} what it gains at every operating point, and the little that is left does not pay for its noise",
+                    "dead time takes what {} gains at every operating point, and the little that is left does not pay for its noise",
                     lost.actuator.name()
                 ),
                 None => "tuned again, none is better in bandwidth or against gusts without being worse in the other"

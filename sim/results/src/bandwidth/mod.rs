@@ -83,7 +83,10 @@ impl BandwidthResult {
                 .chain(text)
                 .collect(),
             verdict: Verdict {
-                sentences: [doubts_in_short(model, &self.points, &self.phases), verdict.sentences].concat(),
+                sentences: doubts_in_short(model, &self.points, &self.phases)
+                    .into_iter()
+                    .chain(verdict.sentences)
+                    .collect(),
                 ..verdict
             },
             findings: judged(model).into_iter().chain(self.findings.clone()).collect(),

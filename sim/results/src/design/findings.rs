@@ -32,14 +32,17 @@ pub fn of_another_model(compensator: &CompensatorDesign, model: &Model) -> Optio
     })
 }
 
-/// What takes the worth from whatever is promised, a sentence each: that the model is no lag or not known to be one, and that dead time takes the gain.
-pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<String> {
+/// What takes the worth from whatever is promised: that the model is no lag or not known to be one, and that dead time takes the gain.
+/// `None` where neither is so.
+pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {
     let state = model.judgement().map(|judgement| judgement.state).filter(|state| *state >= Word::MeasureAgain);
     let lost = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).count();
     let of_dead_time = (lost > 0).then(|| {
         format!("For a loop around the motor dead time takes what is gained at {lost} of {} points.", points.len())
     });
-    state.map(|state| format!("The model was judged: {state}.")).into_iter().chain(of_dead_time).collect()
+    let said: Vec<String> =
+        state.map(|state| format!("The model was judged: {state}.")).into_iter().chain(of_dead_time).collect();
+    (!said.is_empty()).then(|| said.join(" "))
 }
 
 /// What is to be known of the design itself.
