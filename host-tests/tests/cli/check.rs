@@ -68,7 +68,7 @@ fn a_good_folder_has_nothing_wrong_with_it() {
     assert_eq!((found, status), (Vec::new(), 0));
     assert_eq!(
         stand.run("check good"),
-        "good: 4 records; nothing is wrong with the records; `rotorlead identify`\n  judges the motor\n"
+        "good: 4 records; nothing is wrong with the records; `rotorlead identify` judges\n  the motor\n"
     );
 }
 

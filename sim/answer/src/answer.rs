@@ -70,16 +70,16 @@ impl Answer {
             .into_iter()
             .chain((!folded.is_empty()).then(|| findings(folded)));
         let mut detail = detail.collect::<Vec<_>>().join("\n");
-        let sentences = &self.verdict.sentences;
-        let (said, rest) = sentences.split_at(sentences.len().min(MOST_SENTENCES));
+        let mut said = self.verdict.sentences.clone();
+        let rest = said.split_off(said.len().min(MOST_SENTENCES));
         let listed = |sentences: &[String]| -> String {
             sentences.iter().map(|sentence| paragraph(&format!("- {sentence}"), "  ")).collect()
         };
-        let mut verdict = paragraph(&self.verdict.headline, "  ") + &listed(said);
-        if !rest.is_empty() {
-            detail += &format!("\n{}", listed(rest));
-            verdict += &format!("  {} more by --verbose\n", rest.len());
+        if let (Some(last), false) = (said.last_mut(), rest.is_empty()) {
+            detail += &format!("\n{}", listed(&rest));
+            *last += &format!(" ({} more: --verbose)", rest.len());
         }
+        let verdict = paragraph(&self.verdict.headline, "  ") + &listed(&said);
         Text { shown, detail, verdict }
     }
 

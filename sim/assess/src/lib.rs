@@ -123,8 +123,7 @@ impl Claims {
         }
         let reason = match records.iter().all(|record| record.fitted.is_some()) {
             true => {
-                "no record was held out that shows its noise: record a second run, add it to the first (`rotorlead import --append`), and give \
-                 it role = \"validate\" in experiment.toml"
+                "no record was held out that shows its noise: add a second run (`rotorlead import --append`) with role = \"validate\""
             }
             false => {
                 "the model does not say what it was fitted to, so that no record is known to be held out: identify it again"
