@@ -118,7 +118,7 @@ fn a_sensor_that_repeats_its_readings_is_a_limit() {
     assert!(judgement.limits.iter().any(|limit| limit.contains("50 readings a second")), "{judgement:?}");
 }
 
-/// A staircase of a motor of 50 ms, whose thrust passes a filter of `filter_s`.
+/// A staircase of a motor of 50 ms, whose thrust, the square of its speed, passes a filter of `filter_s`.
 fn staircase(filter_s: f64) -> Experiment {
     const ROWS_PER_S: f64 = 1000.0;
     let levels = [0.3, 0.45, 0.6, 0.45, 0.3];
@@ -136,7 +136,8 @@ fn staircase(filter_s: f64) -> Experiment {
             .collect()
     };
     let speed = follow(&command, 0.05);
-    let thrust = follow(&speed, filter_s);
+    let square: Vec<f64> = speed.iter().map(|speed| speed * speed).collect();
+    let thrust = follow(&square, filter_s);
     let mut experiment = stand("");
     let mut record = experiment.records.swap_remove(0);
     record.file = "stairs.csv".to_owned();

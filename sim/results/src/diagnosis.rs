@@ -39,7 +39,7 @@ pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
 
 /// How good the news of a verdict are.
 #[must_use]
-pub fn diagnosis_tone(verdict: Verdict) -> Tone {
+fn diagnosis_tone(verdict: Verdict) -> Tone {
     match verdict {
         Verdict::Agrees => Tone::Good,
         Verdict::Named => Tone::Plain,
@@ -234,7 +234,7 @@ fn effect_table(effect: &NamedEffect) -> Table {
 
 /// Parameters with their standard errors and units.
 #[must_use]
-pub fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
+fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
     type Row = (&'static Parameter, Estimate);
     let columns = [
         Typed::words("parameter", "parameter", |(parameter, _): &Row| parameter.name),

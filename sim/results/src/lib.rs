@@ -29,14 +29,12 @@ use rotorlead_answer::{Cell, with_std};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use bandwidth::{
-    BandwidthResult, DeviatingActuator, MeasuredRecords, bandwidth_cell, bandwidth_range, bandwidth_text,
-};
+pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, bandwidth_cell, bandwidth_range};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, Designed, design_section, in_short, judged, of_another_model};
-pub use diagnosis::{diagnosis_answer, diagnosis_tone, parameter_table};
+pub use diagnosis::diagnosis_answer;
 pub use distortion::DistortionValues;
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use figures::bode::{Band, Curve, bode};

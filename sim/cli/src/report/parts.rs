@@ -12,9 +12,9 @@ use rotorlead_identify::design::Latency;
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_identify::{IdentifyOptions, RecordValidation};
 use rotorlead_plant::{ActiveEffect, Catalog, Effect, Judgement, Model};
-use rotorlead_records::{Experiment, Finding, LongRecord, Topic};
+use rotorlead_records::{Experiment, Finding, Topic};
 use rotorlead_results::{
-    DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals, transform,
+    DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals,
 };
 use rotorlead_vehicle::{Purpose, Recommendation};
 
@@ -72,11 +72,7 @@ impl Parts {
         asked: Asked,
     ) -> miette::Result<Self> {
         let bar = progress::estimate("identifying", diagnosis::STEPS);
-        let long: &[LongRecord] = &[];
-        let identified = transform(experiment, long).map_err(miette::Report::from).and_then(|long| {
-            let options = IdentifyOptions { long: &long, ..IdentifyOptions::default() };
-            Ok(IdentifyResult::of(experiment, &options)?)
-        });
+        let identified = IdentifyResult::of(experiment, &IdentifyOptions::default()).map_err(miette::Report::from);
         let model = match (given, &identified) {
             (Some(model), _) => model.clone(),
             (None, Ok(found)) => found.identification.model.clone(),
