@@ -129,7 +129,12 @@ fn of_200_logs_those_stand_out_that_were_made_so() {
 fn what_is_no_fleet_is_refused_with_its_place_and_a_remedy() {
     let stand = Stand::new();
     fs::create_dir_all(stand.path("fleet/a")).unwrap();
-    stand.refuses("fleet fleet", 1, &["fleet.csv", "does not exist", "check the path"]);
+    stand.refuses(
+        "fleet fleet",
+        1,
+        &["`fleet` is no folder of a fleet", "no fleet.csv", "rotorlead import LOG... --fleet"],
+    );
+    stand.refuses("fleet model.toml", 1, &["`model.toml` is no folder of a fleet"]);
     stand.write("fleet/fleet.csv", "log,motor\na,M1\n");
     stand.refuses("fleet fleet", 1, &["no command is shared by 3 logs", "0 of its 1 logs", "rotorlead identify"]);
     stand.write("fleet/fleet.csv", "log,motor,date\na,M1,last week\n");

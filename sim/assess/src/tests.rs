@@ -159,3 +159,18 @@ fn a_thrust_that_lags_behind_its_speed_is_a_limit() {
     assert!(limit.starts_with("thrust comes 2") || limit.starts_with("thrust comes 1"), "{limit}");
     assert_eq!(says(0.001), None);
 }
+
+#[test]
+fn a_command_that_is_stamped_late_is_no_good_lag() {
+    const LATE_ROWS: usize = 8;
+    let missed = |late_rows: usize| {
+        let mut experiment = Experiment { output: rotorlead_records::Output::Rpm, ..staircase(0.001) };
+        let command = &mut experiment.records[0].command;
+        command.rotate_right(late_rows);
+        let first = command[late_rows];
+        command[..late_rows].fill(first);
+        judged(&experiment).limits.into_iter().find(|limit| limit.contains("the lag misses"))
+    };
+    assert_eq!(missed(0), None);
+    assert!(missed(LATE_ROWS).is_some(), "8 ms of 50 are not seen");
+}

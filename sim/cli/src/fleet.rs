@@ -19,6 +19,8 @@ use super::report_pages;
 pub(super) const MODEL: &str = "model.toml";
 /// What `rotorlead diagnose --json` wrote beside a log.
 pub(super) const DIAGNOSIS: &str = "diagnose.json";
+/// What lists a fleet's logs, in its folder.
+pub(super) const LIST: &str = "fleet.csv";
 
 /// Compares many logs: each motor with the others, each log with its motor's, and over months
 ///
@@ -47,6 +49,13 @@ impl Fleet {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
+        if self.fleet.exists() && !self.fleet.join(LIST).is_file() {
+            return Err(miette::miette!(
+                help = "rotorlead import LOG... --fleet --out DIR makes such a folder of logs; docs/fleet.md says what it holds",
+                "`{}` is no folder of a fleet: there is no {LIST} in it",
+                self.fleet.display()
+            ));
+        }
         let list = FleetList::read(&self.fleet)?;
         let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect();
         let output = common_output(&read)?;

@@ -8,7 +8,7 @@ use rotorlead_records::FleetList;
 use rotorlead_records::files::TextFile;
 
 use super::WrongUse;
-use super::fleet::{DIAGNOSIS, MODEL};
+use super::fleet::{DIAGNOSIS, LIST, MODEL};
 use super::replaced::{self, Replaced};
 
 /// Options that name what is written; every other path is read. A test holds every path of the command line to be known.
@@ -16,8 +16,6 @@ const WRITTEN: [&str; 9] =
     ["out", "json", "report", "figures", "folder", "out_model", "out_plan", "out_compensator", "merged"];
 /// What describes an experiment's records, in its folder.
 const DESCRIPTION: &str = "experiment.toml";
-/// What lists a fleet's logs, in its folder.
-const LIST: &str = "fleet.csv";
 /// What figures are written as.
 const OF_FIGURES: [&str; 3] = ["csv", "svg", "png"];
 /// What the files of any other folder are written as, those of manual pages among them.
