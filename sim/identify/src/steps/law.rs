@@ -32,7 +32,6 @@ use serde::{Serialize, Serializer};
 use super::Run;
 use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
 use super::response::{Segment, value};
-use super::step::{rows_that_say_nothing, steps_of};
 use super::uncertainty::correlation;
 use crate::Estimate;
 use crate::fit_percent::{percent_when_left, spread};
@@ -179,7 +178,6 @@ pub(super) struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     pub(super) fn of(record: &'a Record, run: &'a Run) -> Self {
-        let steps = steps_of(&record.time_s, std::slice::from_ref(run));
         let mut levels: Vec<f64> = Vec::new();
         for plateau in &run.plateaus {
             if levels.iter().all(|l| (l - plateau.command).abs() > SAME_LEVEL) {
@@ -193,7 +191,7 @@ impl<'a> Bench<'a> {
         Self {
             time_s: &record.time_s,
             y: &run.clean,
-            nothing: rows_that_say_nothing(&run.spike, std::slice::from_ref(run), &steps),
+            nothing: run.rows_that_say_nothing(&record.time_s),
             plateaus,
             shows: (0..run.plateaus.len()).map(|k| run.shows(k) && run.plateaus[k].state == State::Running).collect(),
             level: run.plateaus.iter().map(rank).collect(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rotorlead_records::{Output, Record};
 
 use super::plateaus::{self, Plateau, State, runs, settled_from};
-use super::{StepsError, checked_response, limits, spikes};
+use super::{StepsError, checked_response, limits, spikes, step};
 use crate::saturation::Limit;
 
 /// Plateaus in a row between which the motor runs; start-up and stopping are cut off.
@@ -89,6 +89,13 @@ impl Run {
     pub fn rows_that_show(&self) -> Vec<bool> {
         let rows_of = |(k, p): (usize, &Plateau)| std::iter::repeat_n(self.shows(k), p.rows.len());
         self.plateaus.iter().enumerate().flat_map(rows_of).collect()
+    }
+
+    /// Whether each row of the record says nothing of a lag: spikes, and what follows a step that a gap of the log hides, until
+    /// it has settled. `time_s` are the stamps of the record.
+    pub fn rows_that_say_nothing(&self, time_s: &[f64]) -> Vec<bool> {
+        let run = std::slice::from_ref(self);
+        step::rows_that_say_nothing(&self.spike, run, &step::steps_of(time_s, run))
     }
 
     /// Its rows in the record.

@@ -168,8 +168,9 @@ impl Judge<'_> {
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
         let shown = run.as_ref().map(Run::rows_that_show);
         let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
-        let is_spike = |row: usize| run.as_ref().is_some_and(|run| run.spike[row]);
-        let kept: Vec<usize> = rows.clone().filter(|&row| shows(row) && !is_spike(row)).collect();
+        let nothing = run.as_ref().map(|run| run.rows_that_say_nothing(&record.time_s));
+        let says = |row: &usize| shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]);
+        let kept: Vec<usize> = rows.clone().filter(says).collect();
         let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
         let model = run_actuator(&mut actuator, &record.time_s, command, rows.start);
         let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
@@ -192,7 +193,7 @@ impl Judge<'_> {
             .filter(|noise| noise::shows(noise.variance, raw));
         let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
             let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
-            noise.left_over(rows.clone().filter(|&row| shows(row)).map(|row| (row, left(row))))
+            noise.left_over(kept.iter().map(|&row| (row, left(row))))
         });
         let left = noise.map(|noise| noise.variance * measured.len() as f64);
         Ok(Score {

@@ -8,7 +8,7 @@
 //! | multisine | linear around `nominal` | lines of the whole periods | nothing |
 //! | multisine, with effects | simulated around `nominal` | its lines | nothing |
 //! | square, step, chirp | linear around `nominal` | all | offset and initial state ([`super::align`]) |
-//! | staircase | following the level | from the first level to where the motor stops, but for levels on a limit | initial state; an offset, without a static map |
+//! | staircase | following the level | from the first level to where the motor stops, but for levels on a limit, spikes, and steps in gaps of the log | initial state; an offset, without a static map |
 //! | free | following the level | all | initial state; an offset, without a static map |
 //!
 //! The ceiling is what the true model would score: noise alone is then left. It takes the noise as the records show it,
