@@ -103,8 +103,16 @@ fn a_ramp_that_a_lag_imitates_is_no_lag() {
     stand.run(&format!("import {} --excitation staircase --column command=command:duty --out stand", log.display()));
     let judgement = judged_alike(&stand, "ramp");
     assert_eq!(judgement["state"], "not a lag");
-    // The whole diagnosis names it too, and leaves the word where it is.
-    assert_eq!(stand.json("report stand --out page.html")["judgement"], judgement);
+    // The whole diagnosis names it too, which goes in where it was to be asked, and leaves all else where it is.
+    let mut diagnosed = stand.json("report stand --out page.html")["judgement"].clone();
+    let reason = diagnosed["limits"][0].take();
+    let reason = reason.as_str().unwrap();
+    assert!(
+        reason.contains("the diagnosis names slew-rate limit") && !reason.contains("rotorlead diagnose"),
+        "{reason}"
+    );
+    diagnosed["limits"][0].clone_from(&judgement["limits"][0]);
+    assert_eq!(diagnosed, judgement);
     let page = stand.read("page.html");
     assert!(page.contains(": not a lag") && page.contains("slew-rate limit"));
     assert!(judgement["limits"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");

@@ -38,6 +38,27 @@ pub struct Assessment {
     pub other_output: Option<OtherOutput>,
     /// How well it explains each record.
     pub records: Result<Vec<RecordValidation>, IdentifyError>,
+    claims: Claims,
+}
+
+impl Assessment {
+    fn of(claims: Claims, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
+        let judgement = Judgement { in_doubt, ..claims.judgement() };
+        Self { judgement, recommendation: None, other_output: None, records, claims }
+    }
+
+    /// The same with what a diagnosis `found`, a clause, in place of the advice to ask one.
+    #[must_use]
+    pub fn diagnosed(mut self, found: &str) -> Self {
+        for claim in &mut self.claims.0 {
+            if claim.asks.is_some() {
+                claim.asks = Some(format!("; {found}"));
+            }
+        }
+        let Judgement { in_doubt, .. } = self.judgement;
+        self.judgement = Judgement { in_doubt, ..self.claims.judgement() };
+        self
+    }
 }
 
 /// Records that the model rests on and cannot be compared with as they are.
@@ -58,12 +79,7 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
             Word::MeasureAgain,
             "the records show a static map alone: record a multisine or a staircase".to_owned(),
         );
-        return Assessment {
-            judgement: claims.judgement(),
-            recommendation: None,
-            other_output: None,
-            records: validate(experiment, model),
-        };
+        return Assessment::of(claims, false, validate(experiment, model));
     }
     let records = validate(experiment, model);
     // Nothing below is worth more than the numbers.
@@ -85,21 +101,36 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
     claims.of_points(model);
-    claims.0.extend(gain::lost(model).map(|limit| (Word::ReadyWithinLimits, limit)));
     let other_output = records.is_ok().then(|| OtherOutput::of(experiment, model)).flatten();
-    claims.0.extend(other_output.iter().filter_map(OtherOutput::limit).map(|limit| (Word::ReadyWithinLimits, limit)));
-    let judgement = Judgement { in_doubt, ..claims.judgement() };
-    let recommendation = recommend(model, judgement.doubt(), &Asked::default()).ok();
-    Assessment { judgement, recommendation, other_output, records }
+    for limit in gain::lost(model).into_iter().chain(other_output.as_ref().and_then(OtherOutput::limit)) {
+        claims.add(Word::ReadyWithinLimits, limit);
+    }
+    let assessment = Assessment::of(claims, in_doubt, records);
+    let recommendation = recommend(model, assessment.judgement.doubt(), &Asked::default()).ok();
+    Assessment { recommendation, other_output, ..assessment }
 }
 
-/// What speaks against a model, each with the best word that it leaves.
-#[derive(Default)]
-struct Claims(Vec<(Word, String)>);
+/// What speaks against a model.
+#[derive(Clone, Debug, Default)]
+struct Claims(Vec<Claim>);
+
+#[derive(Clone, Debug)]
+struct Claim {
+    /// The best word that it leaves.
+    word: Word,
+    reason: String,
+    /// What a diagnosis would say of it, after the reason.
+    asks: Option<String>,
+}
 
 impl Claims {
     fn add(&mut self, word: Word, reason: String) {
-        self.0.push((word, reason));
+        self.0.push(Claim { word, reason, asks: None });
+    }
+
+    /// Of what a diagnosis knows more.
+    fn add_to_diagnose(&mut self, word: Word, reason: String, advice: &str) {
+        self.0.push(Claim { word, reason, asks: Some(advice.to_owned()) });
     }
 
     fn of_residual(&mut self, experiment: &Experiment, model: &Model, records: &[RecordValidation]) {
@@ -142,14 +173,14 @@ impl Claims {
         if let Some(rate_per_s) = ramp::ramp_per_s(experiment, model) {
             let reason = format!(
                 "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second: that explains most of what the lag \
-                 misses. Turn the ramp off, or see `rotorlead diagnose`"
+                 misses. Turn the ramp off"
             );
-            self.add(Word::NotALag, reason);
+            self.add_to_diagnose(Word::NotALag, reason, ", or see `rotorlead diagnose`");
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
-            self.add(Word::NotALag, format!("{missed}: `rotorlead diagnose` looks for what is missing"));
+            self.add_to_diagnose(Word::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
-            let reason = format!("{missed}: expect as much of what is built on it, or see `rotorlead diagnose`");
-            self.add(Word::ReadyWithinLimits, reason);
+            let reason = format!("{missed}: expect as much of what is built on it");
+            self.add_to_diagnose(Word::ReadyWithinLimits, reason, ", or see `rotorlead diagnose`");
         }
     }
 
@@ -193,10 +224,14 @@ impl Claims {
     }
 
     /// The worst word with all reasons, those of worse words first.
-    fn judgement(mut self) -> Judgement {
-        self.0.sort_by_key(|(word, _)| std::cmp::Reverse(*word));
-        let word = self.0.first().map_or(Word::Ready, |(word, _)| *word);
-        Judgement { state: word, limits: self.0.into_iter().map(|(_, reason)| reason).collect(), in_doubt: false }
+    fn judgement(&self) -> Judgement {
+        let mut claims: Vec<&Claim> = self.0.iter().collect();
+        claims.sort_by_key(|claim| std::cmp::Reverse(claim.word));
+        Judgement {
+            state: claims.first().map_or(Word::Ready, |claim| claim.word),
+            limits: claims.iter().map(|claim| [&*claim.reason, claim.asks.as_deref().unwrap_or("")].concat()).collect(),
+            in_doubt: false,
+        }
     }
 }
 

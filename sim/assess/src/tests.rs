@@ -48,6 +48,17 @@ fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
 }
 
 #[test]
+fn what_a_diagnosis_found_is_said_in_place_of_asking_it() {
+    let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
+    let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
+    let before = assess(&experiment, &model, NotCompared::default());
+    assert!(before.judgement.limits[0].ends_with("or see `rotorlead diagnose`"), "{before:?}");
+    let after = before.clone().diagnosed("the diagnosis names slew-rate limit").judgement;
+    assert!(after.limits[0].ends_with("Turn the ramp off; the diagnosis names slew-rate limit"), "{after:?}");
+    assert_eq!((after.state, &after.limits[1..]), (before.judgement.state, &before.judgement.limits[1..]));
+}
+
+#[test]
 fn without_held_out_records_or_a_second_level_nothing_is_ready() {
     let whole = stand("");
     let mut fitted = whole.clone();

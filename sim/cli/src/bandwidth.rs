@@ -7,7 +7,7 @@ use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
 use rotorlead_answer::{Fact, Report};
 use rotorlead_identify::design::{Chain, steps};
-use rotorlead_identify::{IdentifyError, PeriodicOptions, identify_periodic};
+use rotorlead_identify::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
@@ -22,11 +22,6 @@ use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, number};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
-
-/// Bootstrap draws behind the interval of a measured bandwidth.
-pub const RESAMPLES: usize = 1000;
-/// Where they start.
-const SEED: u64 = 1;
 
 /// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
 ///
@@ -137,17 +132,16 @@ impl Bandwidth {
 
     /// The bandwidths that the records show. Without and with compensator may be in different folders.
     fn measure(&self) -> miette::Result<MeasuredRecords> {
-        let mut measured = MeasuredRecords { bandwidths: Vec::new(), nominals: Vec::new() };
+        let mut measured = MeasuredRecords::default();
         for folder in &self.records {
-            let (bandwidths, found) = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
+            let found = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
                 let experiment = Experiment::read(folder)?;
-                let of = || -> Result<_, IdentifyError> {
-                    let found = identify_periodic(&experiment, &PeriodicOptions::default())?;
-                    Ok((found.bandwidths(RESAMPLES, SEED)?, found))
-                };
-                of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))
+                identify_periodic(&experiment, &PeriodicOptions::default())
+                    .and_then(|found| MeasuredRecords::of(&found))
+                    .map_err(miette::Report::from)
+                    .wrap_err_with(|| format!("`{}`", folder.display()))
             })?;
-            measured.bandwidths.extend(bandwidths);
+            measured.bandwidths.extend(found.bandwidths);
             measured.nominals.extend(found.nominals);
         }
         Ok(measured)

@@ -48,8 +48,23 @@ fn diagnosis_tone(verdict: Verdict) -> Tone {
     }
 }
 
+/// The titles of the effects that are missing.
+fn names(found: &Diagnosis) -> String {
+    found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ")
+}
+
+/// What it found, in a clause.
+pub fn found_in_short(found: &Diagnosis) -> String {
+    match found.verdict {
+        Verdict::Agrees => "the diagnosis finds noise alone".to_owned(),
+        Verdict::Named => format!("the diagnosis names {}", names(found)),
+        Verdict::PartlyNamed => format!("the diagnosis names {}, and more than noise is left", names(found)),
+        Verdict::Unknown => "the diagnosis knows no effect that explains it".to_owned(),
+    }
+}
+
 fn headline(found: &Diagnosis) -> String {
-    let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
+    let names = || names(found);
     match found.verdict {
         Verdict::Agrees if found.minor.is_empty() => "Model and measurement agree: the residual is noise.".to_owned(),
         Verdict::Agrees => "Model and measurement agree: the residual is noise and what does not matter.".to_owned(),

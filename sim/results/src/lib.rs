@@ -15,6 +15,7 @@ mod fleet;
 mod identify;
 mod latency;
 mod number;
+mod overview;
 pub mod paper;
 mod recommendation;
 mod redesign;
@@ -29,7 +30,7 @@ use rotorlead_answer::{Cell, with_std};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, bandwidth_cell, bandwidth_range};
+pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
@@ -43,6 +44,7 @@ pub use fleet::{FleetRow, fleet_answer};
 pub use identify::{IdentifyResult, points_table, transform};
 pub use latency::protocol_name;
 pub use number::parameter_with_std;
+pub use overview::{Asked, Overview, Watch, lags};
 pub use recommendation::{
     JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly_in_short, tone,
 };

@@ -5,10 +5,9 @@ use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_results::{bandwidth_cell, bandwidth_range};
+use rotorlead_results::{bandwidth_cell, bandwidth_range, lags};
 
 use super::Demonstrated;
-use crate::report_pages;
 
 impl Demonstrated<'_> {
     /// How near the paper it is, in sentences.
@@ -22,7 +21,7 @@ impl Demonstrated<'_> {
         let sentences = vec![
             format!(
                 "Identified: {}; no pole farther than {:.2} % from the one simulated, which is the paper's.",
-                report_pages::lags(self.model),
+                lags(self.model),
                 100.0 * farthest_pole
             ),
             match wrong(self.validated).map(|wrong| !wrong.is_empty()) {

@@ -11,9 +11,9 @@ use rotorlead_records::Excitation;
 use rotorlead_results::bandwidth_cell;
 use serde::Serialize;
 
-use crate::bandwidth::RESAMPLES;
 use crate::progress;
 use crate::simulate::simulate;
+use rotorlead_results::RESAMPLES;
 
 /// Amplitude of its multisines: with the paper's 0.05 the slowest actuator's command would meet its limits in a tenth of all ticks.
 const AMPLITUDE: f64 = 0.02;

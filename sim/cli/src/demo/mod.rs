@@ -12,7 +12,7 @@ use clap::Args;
 use miette::IntoDiagnostic as _;
 use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
-use rotorlead_answer::{Color, Figure, FigureKind, Mark, Report, Section};
+use rotorlead_answer::{Answer, Color, Figure, FigureKind, Mark, Report, Section};
 use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
@@ -24,12 +24,11 @@ use rotorlead_records::files::{Quantity, make_folder, write_file};
 use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
-    BandwidthResult, Curve, IdentifyResult, MeasuredRecords, bode, design_section, excitation_section, flight_section,
-    validation_answer,
+    BandwidthResult, Curve, IdentifyResult, MeasuredRecords, RESAMPLES, bode, design_section, excitation_section,
+    flight_section, validation_answer,
 };
 use serde::Serialize;
 
-use super::bandwidth::RESAMPLES;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::number;
 use super::report_option::{ReportOption, check_folder};
@@ -209,7 +208,9 @@ impl Demo {
             let title = "The paper's method on simulated actuators";
             Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }
         })?;
-        let text = result.text(&self.out, [&figure, &steps]).into_diagnostic()? + &written;
+        let text = result.text(&self.out, [&figure, &steps]).into_diagnostic()?;
+        let said = Answer { verdict: result.verdict(), ..Answer::default() }.text();
+        let detail = said.detail.trim_start().to_owned() + "\n" + &Demonstrated::contradictions();
         let bandwidth = PAPER.iter().zip(&simulated.points).zip(&measured);
         let values = Values {
             points: &model.points,
@@ -221,7 +222,7 @@ impl Demo {
             bode: &figure,
             steps: &steps,
         };
-        Ok(Outcome::new(text, &values))
+        Ok(Outcome { detail, verdict: said.verdict + &written, ..Outcome::new(text, &values) })
     }
 }
 

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use rotorlead_answer::Weight;
+use rotorlead_answer::words::paragraph;
 use rotorlead_results::paper::CONTRADICTIONS;
 use rotorlead_results::validation_in_words;
 
 use super::Demonstrated;
-use rotorlead_answer::words::{paragraph, wrapped};
 
 impl Demonstrated<'_> {
     /// For people.
@@ -42,13 +42,15 @@ impl Demonstrated<'_> {
              were measured the inverse is bypassed."
         )?;
 
-        writeln!(out, "\nWhere the paper contradicts itself\n")?;
-        for contradiction in CONTRADICTIONS {
-            writeln!(out, "  - {}", wrapped(contradiction, 76, "    "))?;
-        }
         writeln!(out, "\nBode plot: {}", bode.display())?;
         writeln!(out, "Steps: {}", steps.display())?;
         writeln!(out, "Model and compensators: {}", folder.display())?;
         Ok(out)
+    }
+
+    /// Where the paper contradicts itself.
+    pub(super) fn contradictions() -> String {
+        let listed = CONTRADICTIONS.iter().map(|contradiction| paragraph(&format!("- {contradiction}"), "  "));
+        std::iter::once("Where the paper contradicts itself:\n".to_owned()).chain(listed).collect()
     }
 }

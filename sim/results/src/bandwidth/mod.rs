@@ -11,7 +11,7 @@ use rotorlead_answer::{Answer, Section, Table, Verdict};
 use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases,
 };
-use rotorlead_identify::{MeasuredBandwidth, NominalIdentification};
+use rotorlead_identify::{IdentifyError, MeasuredBandwidth, NominalIdentification, PeriodicIdentification};
 use rotorlead_plant::effect::Linearity;
 use rotorlead_plant::{ActiveEffect, Model, PlantError};
 use rotorlead_records::Finding;
@@ -44,13 +44,28 @@ pub struct BandwidthResult {
     pub findings: Vec<Finding>,
 }
 
+/// How many times a measured bandwidth is drawn again from its noise, for its interval.
+pub const RESAMPLES: usize = 1000;
+/// Where the drawing starts.
+const SEED: u64 = 1;
+
 /// Bandwidths that records show.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct MeasuredRecords {
     /// Of each record.
     pub bandwidths: Vec<MeasuredBandwidth>,
     /// The responses that they are those of.
     pub nominals: Vec<NominalIdentification>,
+}
+
+impl MeasuredRecords {
+    /// Measures those of multisines.
+    ///
+    /// # Errors
+    /// Those of [`PeriodicIdentification::bandwidths`].
+    pub fn of(found: &PeriodicIdentification) -> Result<Self, IdentifyError> {
+        Ok(Self { bandwidths: found.bandwidths(RESAMPLES, SEED)?, nominals: found.nominals.clone() })
+    }
 }
 
 impl BandwidthResult {

@@ -1,59 +1,46 @@
-//! What a report says of its parts.
-
-use std::path::Path;
+//! What an overview says: its summary, sections and values.
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Report, Section, Table, Tone, Verdict};
+use rotorlead_assess::Assessment;
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
-use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{DesignOptions, InverseOptions};
-use rotorlead_records::import::shell_word;
+use rotorlead_identify::RecordValidation;
+use rotorlead_numerics::sample::extent;
+use rotorlead_plant::Model;
 use rotorlead_records::{Experiment, Finding};
-use rotorlead_results::{
-    JudgementValues, diagnosis_answer, excitation_section, flight_section, judged_verdict, parameter_with_std,
+use serde_json::{Map, Value, json};
+
+use super::{Overview, Part, said};
+use crate::{
+    JudgementValues, diagnosis_answer, excitation_section, flight_section, judged_verdict, object, parameter_with_std,
     points_table, recommendation_table, to_fly_in_short, validation_answer,
 };
-use serde_json::{Value, json};
-
-use super::ReportCommand;
-use super::parts::Parts;
-use crate::measured::Measured;
-use crate::report_option::this_command;
-use crate::report_pages;
 
 /// By when warnings of the records are to be read.
 const MODEL_USED: &str = "the model is used";
 
-impl Parts {
-    /// All of it as one report. `given` is the file of the model that was judged.
-    pub fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
-        let of_records = in_groups(&self.findings);
+impl Overview {
+    /// What the reader should know, each with what to do: of the records, then of the compensator.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
         let of_design = self.designed.iter().flat_map(|answer| in_groups(&answer.findings));
-        let judged = given.map(|file| report_pages::file("Model that was judged", file));
-        Report {
-            facts: [report_pages::records(experiment, command.measured.path()), judged.into_iter().collect()].concat(),
-            sections: self.sections(experiment),
-            commands: self.commands(&command.measured, given),
-            verdict: self.verdict(experiment, of_records.len()),
-            warnings: of_records.iter().cloned().chain(of_design).collect(),
-            ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
-        }
+        in_groups(&self.findings).into_iter().chain(of_design).collect()
     }
 
-    fn sections(&self, experiment: &Experiment) -> Vec<Section> {
+    /// A part for each question; one that has no answer says why.
+    #[must_use]
+    pub fn sections(&self, experiment: &Experiment) -> Vec<Section> {
         let mut sections = match &self.identified {
             Ok(found) => vec![found.answer(experiment).section(), excitation_section(experiment)],
             Err(reason) => {
                 vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
             }
         };
-        sections.splice(0..0, self.recommendation.iter().map(flight_section));
-        sections.push(match &self.validated {
-            Ok(records) => {
-                let recommendation = self.recommendation.as_ref();
-                validation_answer(records, &self.judgement, recommendation, experiment.output).section()
-            }
-            Err(reason) => left_out("validation", "Validation", reason),
+        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        sections.splice(0..0, recommendation.iter().map(flight_section));
+        sections.push(match self.validated() {
+            Ok(records) => validation_answer(records, judgement, recommendation.as_ref(), experiment.output).section(),
+            Err(reason) => left_out("validation", "Validation", &reason),
         });
         match &self.diagnosed {
             Some(Ok(found)) => sections.push(diagnosis_answer(found).section()),
@@ -63,7 +50,7 @@ impl Parts {
         match &self.designed {
             Ok(answer) => sections.push(answer.section()),
             Err(reason) => sections.push(Section {
-                tables: self.recommendation.iter().map(recommendation_table).collect(),
+                tables: recommendation.iter().map(recommendation_table).collect(),
                 ..left_out("compensator", "Compensator", reason)
             }),
         }
@@ -71,7 +58,10 @@ impl Parts {
     }
 
     /// The diagnosis first where there is one: whether the model can be relied on. Then what was found on the way.
-    fn verdict(&self, experiment: &Experiment, warnings: usize) -> Verdict {
+    #[must_use]
+    pub fn verdict(&self, experiment: &Experiment) -> Verdict {
+        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        let warnings = in_groups(&self.findings).len();
         let mut verdicts = Vec::new();
         // Nothing below is worth more than the records.
         if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
@@ -86,20 +76,15 @@ impl Parts {
         // A diagnosis of steps has one lag for all levels, beside which those of each level stay.
         let own = self.identified.as_ref().ok().filter(|_| !self.is_given);
         match (self.missing().filter(|_| !self.is_of_steps()), own) {
-            (None, Some(found)) => {
-                verdicts.push(report_pages::warned(found.answer(experiment).verdict, warnings, MODEL_USED));
-            }
+            (None, Some(found)) => verdicts.push(warned(found.answer(experiment).verdict, warnings, MODEL_USED)),
             (missing, _) => {
                 if let Some(found) = missing {
-                    let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
-                    verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings, MODEL_USED));
+                    let lags = format!("With that in the model: {}.", lags(&found.model));
+                    verdicts.push(warned(Verdict::new(Tone::Plain, lags), warnings, MODEL_USED));
                 }
-                verdicts.push(judged_verdict(&self.judgement));
-                verdicts.extend(
-                    self.recommendation
-                        .iter()
-                        .map(|found| Verdict::new(Tone::Plain, sentence(&to_fly_in_short(found)))),
-                );
+                verdicts.push(judged_verdict(judgement));
+                let to_fly = recommendation.iter().map(|found| sentence(&to_fly_in_short(found)));
+                verdicts.extend(to_fly.map(|sentence| Verdict::new(Tone::Plain, sentence)));
             }
         }
         if self.diagnosed.is_none() {
@@ -108,11 +93,9 @@ impl Parts {
             verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
         match &self.designed {
-            Ok(answer) => verdicts.push(report_pages::warned(
-                answer.verdict.clone(),
-                answer.findings.len(),
-                "the compensator flies",
-            )),
+            Ok(answer) => {
+                verdicts.push(warned(answer.verdict.clone(), answer.findings.len(), "the compensator flies"));
+            }
             Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
         }
         if let Some(Ok(found)) = &self.diagnosed
@@ -138,63 +121,65 @@ impl Parts {
         points_table(&self.model.points, experiment.output, fitted)
     }
 
-    /// The same for programs.
-    pub fn json(&self, report: &Report, experiment: &Experiment) -> Value {
-        json!({
+    /// The same for programs, beside the `verdict`, `warnings` and `sections` that people see.
+    #[must_use]
+    pub fn values(&self, experiment: &Experiment, report: &Report) -> Map<String, Value> {
+        let Assessment { judgement, recommendation, .. } = &self.assessment;
+        let figures = report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name);
+        object(&json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
-            "judgement": JudgementValues::new(&self.judgement, self.recommendation.as_ref()),
+            "judgement": JudgementValues::new(judgement, recommendation.as_ref()),
             "points": self.points(experiment).json(),
-            "candidates": self.recommendation.as_ref().map(|found| recommendation_table(found).json()),
+            "candidates": recommendation.as_ref().map(|found| recommendation_table(found).json()),
             "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,
             "left_out": {
                 "identification": self.identified.as_ref().err(),
-                "validation": self.validated.as_ref().err(),
+                "validation": self.validated().err(),
                 "compensator": self.designed.as_ref().err(),
                 "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().err()),
             },
-            "figures": report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name).collect::<Vec<_>>(),
-        })
+            "figures": figures.collect::<Vec<_>>(),
+        }))
     }
 
-    /// The report again, and each part by itself.
-    fn commands(&self, measured: &Measured, given: Option<&Path>) -> Vec<String> {
-        let quoted = |path: &Path| shell_word(&path.display().to_string()).into_owned();
-        let (folder, model) = (quoted(measured.as_folder()), given.map_or_else(|| "model.toml".to_owned(), quoted));
-        let mut commands = vec![this_command()];
-        commands.extend(measured.import_command());
-        if given.is_none() {
-            commands.push(format!("rotorlead identify {folder} --out {model}"));
-        }
-        commands.push(format!("rotorlead validate {folder} --model {model}"));
-        let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
-        let papers = DesignOptions::default().omega_g_rad_s;
-        let own = match &self.options {
-            Ok(KindOptions::Lead(DesignOptions { omega_g_rad_s, .. })) if *omega_g_rad_s < papers => {
-                format!(" --kind lead --omega-g {omega_g_rad_s:.1}")
-            }
-            Ok(KindOptions::Lead(_)) => " --kind lead".to_owned(),
-            Ok(KindOptions::Inverse(InverseOptions { omega_f_rad_s: Some(omega), .. })) => {
-                format!(" --kind inverse --natural {omega:.0}")
-            }
-            Ok(KindOptions::Inverse(_)) => " --kind inverse".to_owned(),
-            Err(_) => String::new(),
-        };
-        let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
-        // Steps have their lags level by level, which the compensator is designed for with or without effects.
-        if self.missing().is_some() && !self.is_of_steps() {
-            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{own}"));
-            return commands;
-        }
-        commands.push(format!("rotorlead diagnose {folder}{judged}"));
-        if self.designed.is_ok() {
-            commands.push(format!("rotorlead design --model {model}{own} --out compensator.toml"));
-            commands
-                .push(format!("rotorlead bandwidth --model {model} --compensator compensator.toml --records {folder}"));
-        }
-        commands
+    /// How well the model explains each record.
+    fn validated(&self) -> Part<&[RecordValidation]> {
+        let records = self.assessment.records.as_ref();
+        records.map(Vec::as_slice).map_err(|error| said(&error.clone().into()))
     }
+}
+
+/// The lags of a model, in a phrase.
+#[must_use]
+pub fn lags(model: &Model) -> String {
+    if model.points.is_empty() {
+        return "a static map alone, and no lag".to_owned();
+    }
+    let (low, high) = extent(&model.points.iter().map(|point| point.time_constant_s).collect::<Vec<_>>());
+    if let [_] = model.points.as_slice() {
+        return format!("one lag, time constant {:.1} ms, a pole at {:.2} rad/s", 1e3 * low, 1.0 / low);
+    }
+    format!(
+        "{} lags, time constants from {:.1} to {:.1} ms, poles from {:.2} to {:.2} rad/s",
+        model.points.len(),
+        1e3 * low,
+        1e3 * high,
+        1.0 / high,
+        1.0 / low
+    )
+}
+
+/// The same verdict where there may be warnings below, to be read before `what` happens.
+fn warned(verdict: Verdict, warnings: usize, what: &str) -> Verdict {
+    let said = match warnings {
+        0 => return verdict,
+        1 => format!("There is a warning: read it before {what}."),
+        count => format!("There are {count} warnings: read them before {what}."),
+    };
+    let sentences = [verdict.sentences, vec![said]].concat();
+    Verdict { tone: verdict.tone.max(Tone::Attention), sentences, ..verdict }
 }
 
 /// How large each effect is, and what it cannot be distinguished from.

@@ -1,0 +1,142 @@
+//! `rotorlead report`
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use rotorlead_answer::words::paragraph;
+use rotorlead_answer::{Report, Tone, Verdict};
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{DesignOptions, InverseOptions};
+use rotorlead_plant::Model;
+use rotorlead_records::files::{check_writable, printable, write_file};
+use rotorlead_records::import::shell_word;
+use rotorlead_report::html;
+use rotorlead_results::{Asked, Overview, Watch};
+use serde_json::json;
+
+use super::measured::{Measured, Reading};
+use super::outcome::{JsonOption, Outcome};
+use super::parameters::{KindName, PurposeOption};
+use super::replaced::report_at;
+use super::report_option::{FiguresOption, this_command};
+use super::{diagnose, progress, report_pages};
+
+/// Everything that an experiment or a log says, in one report: identification, validation, compensator, bandwidth and diagnosis
+///
+/// One HTML file with the verdict, tables, interactive figures and the commands that give each part by itself. It needs no
+/// network. A part that the records do not allow is left out, and the report says why.
+#[derive(Args, Debug)]
+pub struct ReportCommand {
+    #[command(flatten)]
+    measured: Measured,
+    /// Where the report goes
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    pub(super) out: PathBuf,
+    /// The model to be judged; unless given, DIR/model.toml where it is there, or else the lags that the records show
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// What to design: the paper's lead, or an inverse; what is recommended for the purpose unless given
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
+    #[command(flatten)]
+    purpose: PurposeOption,
+    /// Leave the diagnosis out, which takes the longest
+    #[arg(long)]
+    no_diagnosis: bool,
+    #[command(flatten)]
+    figures: FiguresOption,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl ReportCommand {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        check_writable(&self.out)?;
+        self.figures.check()?;
+        let given = self.given();
+        let model = given.as_deref().map(Model::read).transpose()?;
+        let Reading { mut experiment, text: of_log, logs, .. } = self.measured.read(u64::MAX)?;
+        self.measured.choose_output(&mut experiment)?;
+        let asked = Asked {
+            model: model.as_ref(),
+            kind: self.kind.map(KindName::kind),
+            purpose: self.purpose.purpose(),
+            with_diagnosis: !self.no_diagnosis,
+        };
+        let bar = progress::estimate("identifying", diagnose::STEPS);
+        let watch = Watch { stage: &|stage| bar.set_message(stage), step: &|| progress::step(&bar) };
+        // What was found in a log may say why nothing comes of it.
+        let overview = Overview::of(&experiment, self.measured.path(), asked, watch)
+            .inspect_err(|_| eprint!("{}", printable(&of_log)))?;
+        bar.finish_and_clear();
+        let judged = given.as_deref().map(|file| report_pages::file("Model that was judged", file));
+        let report = Report {
+            facts: [report_pages::records(&experiment, self.measured.path()), judged.into_iter().collect()].concat(),
+            sections: overview.sections(&experiment),
+            commands: self.commands(&overview, given.as_deref()),
+            verdict: overview.verdict(&experiment),
+            warnings: overview.warnings(),
+            ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
+        };
+        let figures = self.figures.write(&report)?;
+        write_file(&self.out, html(&report)?.as_bytes())?;
+
+        let mut text = if of_log.is_empty() { of_log } else { of_log + "\n" };
+        text.push_str(&paragraph(&report.verdict.headline, ""));
+        for sentence in &report.verdict.sentences {
+            text.push_str(&paragraph(sentence, ""));
+        }
+        text.push_str(&figures);
+        text.push_str(&report_at(&self.out));
+        let mut outcome = Outcome::new(text, &overview.values(&experiment, &report));
+        if let Some(logs) = logs {
+            outcome.json["logs"] = json!(logs);
+        }
+        Ok(outcome)
+    }
+
+    /// The model that is judged: the one given, or the one that lies with the records.
+    fn given(&self) -> Option<PathBuf> {
+        self.model.clone().or_else(|| Some(self.measured.path().join("model.toml")).filter(|file| file.is_file()))
+    }
+
+    /// The report again, and each part by itself.
+    fn commands(&self, overview: &Overview, given: Option<&Path>) -> Vec<String> {
+        let quoted = |path: &Path| shell_word(&path.display().to_string()).into_owned();
+        let (folder, model) =
+            (quoted(self.measured.as_folder()), given.map_or_else(|| "model.toml".to_owned(), quoted));
+        let mut commands = vec![this_command()];
+        commands.extend(self.measured.import_command());
+        if given.is_none() {
+            commands.push(format!("rotorlead identify {folder} --out {model}"));
+        }
+        commands.push(format!("rotorlead validate {folder} --model {model}"));
+        let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
+        let papers = DesignOptions::default().omega_g_rad_s;
+        let own = match &overview.options {
+            Ok(KindOptions::Lead(DesignOptions { omega_g_rad_s, .. })) if *omega_g_rad_s < papers => {
+                format!(" --kind lead --omega-g {omega_g_rad_s:.1}")
+            }
+            Ok(KindOptions::Lead(_)) => " --kind lead".to_owned(),
+            Ok(KindOptions::Inverse(InverseOptions { omega_f_rad_s: Some(omega), .. })) => {
+                format!(" --kind inverse --natural {omega:.0}")
+            }
+            Ok(KindOptions::Inverse(_)) => " --kind inverse".to_owned(),
+            Err(_) => String::new(),
+        };
+        let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
+        // Steps have their lags level by level, which the compensator is designed for with or without effects.
+        if overview.missing().is_some() && !overview.is_of_steps() {
+            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{own}"));
+            return commands;
+        }
+        commands.push(format!("rotorlead diagnose {folder}{judged}"));
+        if overview.designed.is_ok() {
+            commands.push(format!("rotorlead design --model {model}{own} --out compensator.toml"));
+            commands
+                .push(format!("rotorlead bandwidth --model {model} --compensator compensator.toml --records {folder}"));
+        }
+        commands
+    }
+}
