@@ -20,6 +20,7 @@ mod judgement;
 mod latency;
 #[cfg(unix)]
 mod mutated;
+mod naming;
 mod new;
 mod one_command;
 mod output;

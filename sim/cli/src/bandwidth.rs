@@ -18,6 +18,7 @@ use rotorlead_vehicle::Purpose;
 
 use super::deviations::deviations;
 use super::latency::LatencyArguments;
+use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, number};
 use super::report_option::ReportOption;
@@ -33,9 +34,8 @@ use super::{progress, report_pages};
 /// names another model than this one.
 #[derive(Args, Debug)]
 pub struct Bandwidth {
-    /// The model, as `rotorlead identify` writes it
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgument,
     /// The compensator, as `rotorlead design` writes it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "kind", "omega_g", "damping", "loop_rate", "prewarp", "natural", "setting", "slew", "output_range", "compensate_range"])]
     compensator: Option<PathBuf>,
@@ -75,7 +75,7 @@ impl Bandwidth {
         // Before files are read: it may be wrong use.
         let request = self.parameters.request()?;
         self.latency.latency(request.loop_rate_hz())?;
-        let model = Model::read(&self.model)?;
+        let model = Model::read(self.model.path())?;
         let (design, of_design) = match (&self.lead, &self.compensator) {
             (Some(_), _) => (None, Vec::new()),
             (None, Some(file)) => (Some(CompensatorDesign::read(file)?), Vec::new()),
@@ -86,7 +86,7 @@ impl Bandwidth {
                     Ok((Some(Designed::of(&model, &options)?.compensator(&model)), findings))
                 };
                 of().map_err(miette::Report::from)
-                    .wrap_err_with(|| format!("`{}` gives no compensator", self.model.display()))?
+                    .wrap_err_with(|| format!("`{}` gives no compensator", self.model.path().display()))?
             }
         };
         let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
@@ -99,7 +99,7 @@ impl Bandwidth {
         let loop_rate_hz = design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz);
         let mut found = BandwidthResult::of(&model, chain, self.latency.latency(loop_rate_hz)?)?;
         found.findings.splice(0..0, of_design);
-        let not_simulated = || format!("`{}` cannot be simulated", self.model.display());
+        let not_simulated = || format!("`{}` cannot be simulated", self.model.path().display());
         if let Some(design) = design.as_ref().filter(|_| !self.steps.is_empty()) {
             found.steps = Some(steps(&model, design, esc_frame_hz, &self.steps).wrap_err_with(not_simulated)?);
         }
@@ -120,11 +120,11 @@ impl Bandwidth {
                 (None, None) => String::new(),
             };
             let compensator = self.compensator.as_deref().map(|file| report_pages::file("Compensator", file));
-            let mut facts = vec![report_pages::file("Model", &self.model)];
+            let mut facts = vec![report_pages::file("Model", self.model.path())];
             facts.push(compensator.unwrap_or_else(|| Fact::new("Compensator", parameters)));
             facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
             facts.push(report_pages::version());
-            let title = format!("Bandwidths of {}", self.model.display());
+            let title = format!("Bandwidths of {}", self.model.path().display());
             Report { facts, ..report_pages::of_answer("Bandwidth", title, &answer) }
         })?;
         Ok(Outcome::of(&answer, &report))

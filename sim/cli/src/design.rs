@@ -9,6 +9,7 @@ use rotorlead_plant::Model;
 use rotorlead_records::files::check_writable;
 
 use super::latency::LatencyArguments;
+use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, PurposeOption};
 use super::replaced::written_to;
@@ -26,9 +27,8 @@ use super::report_pages;
 /// makes the gained bandwidth worthless.
 #[derive(Args, Debug)]
 pub struct Design {
-    /// The model, as `rotorlead identify` writes it
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgument,
     /// Where the compensator goes
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -50,22 +50,22 @@ impl Design {
         // Before anything is read or written: it may be wrong use.
         let request = self.parameters.request()?;
         let latency = self.latency.latency(request.loop_rate_hz())?;
-        let model = Model::read(&self.model)?;
+        let model = Model::read(self.model.path())?;
         check_writable(&self.out)?;
         self.report.check()?;
         let found = request
             .design(&model, self.purpose.purpose(), latency)
             .map_err(miette::Report::from)
-            .wrap_err_with(|| format!("`{}` gives no compensator", self.model.display()))?;
+            .wrap_err_with(|| format!("`{}` gives no compensator", self.model.path().display()))?;
         found.compensator.write(&self.out)?;
         let answer = found.answer(&model);
         let report = self.report.write(|| {
             let facts = vec![
-                report_pages::file("Model", &self.model),
+                report_pages::file("Model", self.model.path()),
                 report_pages::file("Compensator", &self.out),
                 report_pages::version(),
             ];
-            let title = format!("Compensator for {}", self.model.display());
+            let title = format!("Compensator for {}", self.model.path().display());
             Report { facts, ..report_pages::of_answer("Design", title, &answer) }
         })?;
         Ok(Outcome::of(&answer, &format!("{}\n{report}", written_to(&self.out))))

@@ -12,6 +12,7 @@ use rotorlead_results::judged;
 use serde_json::json;
 
 use super::WrongUse;
+use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{number, range};
 
@@ -22,12 +23,11 @@ use super::parameters::{number, range};
 /// the measurements cannot tell is refused, and what is missing is said. See docs/export.md.
 #[derive(Args, Debug)]
 pub struct Export {
+    #[command(flatten)]
+    model: ModelArgument,
     /// The flight stack or simulator
     #[arg(long = "for", value_name = "STACK", value_enum)]
     stack: StackName,
-    /// The model, as `rotorlead identify` writes it
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
     /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
@@ -83,12 +83,12 @@ impl Export {
     pub fn run(&self) -> miette::Result<Outcome> {
         let stack = Stack::from(self.stack);
         self.check_use(stack)?;
-        let model = Model::read_with_map_alone(&self.model)?;
+        let model = Model::read_with_map_alone(self.model.path())?;
         let experiment = self.records.as_deref().map(Experiment::read).transpose()?;
         let options = StackOptions { at: self.at, output_range: self.output_range };
         let found = stack_parameters(stack, &model, experiment.as_ref(), options);
         if found.parameters.is_empty() {
-            return Err(nothing_known(&found, &self.model));
+            return Err(nothing_known(&found, self.model.path()));
         }
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
         let warnings: Vec<String> = judged(&model).iter().map(Finding::sentence).collect();

@@ -24,6 +24,7 @@ mod latency;
 mod log_arguments;
 mod man;
 mod measured;
+mod model_argument;
 mod new;
 mod outcome;
 mod overwrite_guard;
@@ -75,7 +76,7 @@ pub struct Arguments {
 const AFTER_HELP: &str = "\
 From a log to a compensator:
   rotorlead identify LOG --out model.toml      the lag at each level
-  rotorlead design   --model model.toml --out compensator.toml
+  rotorlead design   model.toml --out compensator.toml
 
 From several records of one motor:
   rotorlead import   LOG... --out stand        logs of a thrust stand become an experiment

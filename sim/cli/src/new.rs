@@ -19,12 +19,12 @@ const README: &str = include_str!("new/README.md");
 
 /// What can be done at once, in this order.
 const REHEARSAL: [&str; 6] = [
-    "rotorlead simulate --model example-model.toml --plan plan.toml --out rehearsal",
+    "rotorlead simulate example-model.toml --plan plan.toml --out rehearsal",
     "rotorlead check rehearsal",
     "rotorlead identify rehearsal --out rehearsed.toml",
     "rotorlead validate rehearsal --model rehearsed.toml",
-    "rotorlead design --model rehearsed.toml --out rehearsed-filter.toml",
-    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-filter.toml",
+    "rotorlead design rehearsed.toml --out rehearsed-filter.toml",
+    "rotorlead bandwidth rehearsed.toml --compensator rehearsed-filter.toml",
 ];
 
 /// Makes the excitation of another level.
@@ -35,8 +35,8 @@ const STAND: [&str; 5] = [
     "rotorlead check stand",
     "rotorlead identify stand --out model.toml --report identification.html",
     "rotorlead validate stand --model model.toml",
-    "rotorlead design --model model.toml --out compensator.toml",
-    "rotorlead bandwidth --model model.toml --compensator compensator.toml",
+    "rotorlead design model.toml --out compensator.toml",
+    "rotorlead bandwidth model.toml --compensator compensator.toml",
 ];
 
 /// Makes a folder to begin an experiment with

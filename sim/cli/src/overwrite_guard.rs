@@ -202,11 +202,12 @@ mod tests {
     use super::*;
 
     /// Options that name what is read.
-    const READ: [&str; 12] = [
+    const READ: [&str; 13] = [
         "a",
         "b",
         "experiment",
         "model",
+        "model_option",
         "plan",
         "compensator",
         "files",

@@ -133,9 +133,8 @@ impl ReportCommand {
         }
         commands.push(format!("rotorlead diagnose {folder}{judged}"));
         if overview.designed.is_ok() {
-            commands.push(format!("rotorlead design --model {model}{own} --out compensator.toml"));
-            commands
-                .push(format!("rotorlead bandwidth --model {model} --compensator compensator.toml --records {folder}"));
+            commands.push(format!("rotorlead design {model}{own} --out compensator.toml"));
+            commands.push(format!("rotorlead bandwidth {model} --compensator compensator.toml --records {folder}"));
         }
         commands
     }

@@ -12,6 +12,7 @@ use rotorlead_records::Experiment;
 use rotorlead_records::files::{OutputFolder, TextFile};
 use rotorlead_results::{read_plan, simulation_json, simulation_section};
 
+use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
@@ -21,9 +22,8 @@ use super::{progress, report_pages};
 /// Without a plan it runs the paper's: a multisine and a square wave at each point of the model.
 #[derive(Args, Debug)]
 pub struct Simulate {
-    /// The actuator
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgument,
     /// What to run; the paper's experiment unless given
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
@@ -46,7 +46,7 @@ impl Simulate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
-        let model = Model::read(&self.model)?;
+        let model = Model::read(self.model.path())?;
         let given = self.compensator.as_deref().map(CompensatorDesign::read).transpose()?;
         let (mut plan, design) = match &self.plan {
             Some(file) => {
@@ -64,8 +64,8 @@ impl Simulate {
         // Before the work, so that a folder in the way is found early.
         drop(OutputFolder::create(&self.out)?);
         let experiment = simulate(&plan, &model, design.as_ref()).wrap_err_with(|| match &self.plan {
-            Some(plan) => format!("`{}` cannot be run on `{}`", plan.display(), self.model.display()),
-            None => format!("the paper's experiment cannot be run on `{}`", self.model.display()),
+            Some(plan) => format!("`{}` cannot be run on `{}`", plan.display(), self.model.path().display()),
+            None => format!("the paper's experiment cannot be run on `{}`", self.model.path().display()),
         })?;
         let folder = OutputFolder::create(&self.out)?;
         experiment.write_into(&folder)?;
@@ -85,7 +85,7 @@ impl Simulate {
             let facts = report_pages::records(&experiment, &self.out);
             let seed = Fact::new("Seed of the noise", plan.seed.to_string());
             Report {
-                facts: [facts, vec![report_pages::file("Model", &self.model), seed]].concat(),
+                facts: [facts, vec![report_pages::file("Model", self.model.path()), seed]].concat(),
                 sections: vec![simulation_section(&experiment)],
                 ..report_pages::report("Simulation", experiment.name.clone(), Verdict::new(Tone::Plain, headline))
             }

@@ -10,6 +10,7 @@ use rotorlead_results::paper::table_1;
 use rotorlead_results::vehicle_answer;
 use rotorlead_vehicle::{Airframe, steps, study};
 
+use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
@@ -23,13 +24,15 @@ use super::{progress, report_pages};
 /// hexarotor with tilted rotors. Says where a compensator makes the vehicle worse. `docs/vehicle.md` has the equations and a file for
 /// --airframe.
 #[derive(Args, Debug)]
+#[command(mut_arg("model", |model| {
+    model.required(false).help("The model, as `rotorlead identify` writes it; the paper's Table 1 unless given")
+}))]
 pub struct Vehicle {
+    #[command(flatten)]
+    model: Option<ModelArgument>,
     /// The vehicle's parameters; a quadrotor of 450 mm unless given
     #[arg(long, value_name = "FILE")]
     airframe: Option<PathBuf>,
-    /// The model of a motor with its propeller, as `rotorlead identify` writes it; the paper's Table 1 unless given
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
     #[command(flatten)]
     report: ReportOption,
     #[command(flatten)]
@@ -41,13 +44,14 @@ impl Vehicle {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
         let airframe = self.airframe.as_deref().map_or_else(|| Ok(Airframe::default()), Airframe::read)?;
-        let model = self.model.as_deref().map_or_else(|| Ok(table_1()), Model::read)?;
+        let file = self.model.as_ref().map(ModelArgument::path);
+        let model = file.map_or_else(|| Ok(table_1()), Model::read)?;
         let bar = progress::bar("tuning and simulating", steps(&airframe));
         let compared = study(&airframe, &model, &|| bar.inc(1));
         bar.finish_and_clear();
         let compared = compared.map_err(miette::Report::from);
         // The default model and the default airframe go together: it is a file that does not.
-        let compared = match self.model.as_ref().or(self.airframe.as_ref()) {
+        let compared = match file.or(self.airframe.as_deref()) {
             Some(file) => compared.wrap_err_with(|| format!("`{}`", file.display()))?,
             None => compared?,
         };
@@ -55,8 +59,8 @@ impl Vehicle {
         let answer = vehicle_answer(&compared, &airframe, &model);
         let written = self.report.write(|| Report {
             facts: vec![
-                file("Airframe", self.airframe.as_deref(), "a quadrotor of 450 mm"),
-                file("Model", self.model.as_deref(), "the paper's Table 1"),
+                fact("Airframe", self.airframe.as_deref(), "a quadrotor of 450 mm"),
+                fact("Model", file, "the paper's Table 1"),
                 report_pages::version(),
             ],
             ..report_pages::of_answer("Vehicle", "What a compensator is worth in a vehicle", &answer)
@@ -66,6 +70,6 @@ impl Vehicle {
 }
 
 /// A fact about a file, or what there is in its place.
-fn file(name: &str, path: Option<&Path>, default: &str) -> Fact {
+fn fact(name: &str, path: Option<&Path>, default: &str) -> Fact {
     path.map_or_else(|| Fact::new(name, default), |path| report_pages::file(name, path))
 }

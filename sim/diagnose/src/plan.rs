@@ -489,7 +489,7 @@ impl NextExperiment {
         for line in textwrap::wrap(&self.words, 100) {
             let _ = writeln!(text, "# {line}");
         }
-        let _ = writeln!(text, "#\n# On a simulated actuator: rotorlead simulate --model MODEL --plan THIS --out DIR");
+        let _ = writeln!(text, "#\n# On a simulated actuator: rotorlead simulate MODEL --plan THIS --out DIR");
         if !self.device.is_empty() {
             let _ = writeln!(text, "# On a controller, records into one folder, which rotorlead diagnose takes:");
         }

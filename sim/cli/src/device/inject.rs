@@ -16,14 +16,14 @@ use thiserror::Error;
 
 use super::{design, is_compensated};
 use crate::WrongUse;
+use crate::model_argument::ModelArgument;
 use crate::outcome::Outcome;
 use crate::progress;
 
 #[derive(Args, Debug)]
 pub(super) struct Inject {
-    /// The simulated motor
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgument,
     /// What to run; the paper's experiment unless given, with multisines up to 44.9 Hz where it is compensated
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
@@ -80,7 +80,7 @@ impl Inject {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<(Outcome, miette::Result<()>)> {
         let settings = session.settings()?;
         let compensate = self.compensate.unwrap_or_else(|| is_compensated(&settings, self.motor));
-        let model = Model::read(&self.model)?;
+        let model = Model::read(self.model.path())?;
         let design = design(&settings, self.motor)?;
         let plan = self.plan(&model, &design, compensate, settings.loop_rate_hz)?;
         // Before the work, so that a motor that does not exist or a folder in the way is found early.
