@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::stand::program;
+use crate::stand::{Stand, program};
 
 const POINTS: &str = "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.1718\ntime_constant_s = 0.1076554\n\
                       [[point]]\nnominal = 0.65\ngain = 16.1063\ntime_constant_s = 0.0707839\n";
@@ -158,6 +158,23 @@ fn a_report_on_a_motor_too_slow_for_the_papers_lead_has_the_most_that_it_allows_
     for command in commands.lines().skip(1).filter(|line| !line.contains(" diagnose ")) {
         run(folder, command.strip_prefix("rotorlead ").unwrap());
     }
+}
+
+#[test]
+fn a_redesign_for_a_slow_motor_has_the_most_that_it_allows_as_a_design_has() {
+    let stand = Stand::new();
+    stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 7.1\ntime_constant_s = 0.25\n");
+    stand.run("simulate slow.toml --plan plan.toml --out sim");
+    let found = stand.json("diagnose sim --redesign --kind lead --out-compensator again.toml --out-model found.toml");
+    let warning = found["warnings"][0].as_str().unwrap();
+    assert!(warning.contains("lower than the paper's 628.3"), "{warning}");
+    assert_eq!(found["redesign"]["verdict"], "designed");
+    let designed = stand.json("design found.toml --kind lead --out c.toml");
+    assert!(designed["warnings"].as_array().unwrap().contains(&found["warnings"][0]), "{designed}");
+    assert_eq!(stand.read("again.toml"), stand.read("c.toml"));
+    // What is asked for is not lowered.
+    let asked = stand.json("diagnose sim --redesign --omega-g 628.3");
+    assert_eq!(asked["redesign"]["verdict"], "none");
 }
 
 /// A curve that only the square waves are large enough for shows in how they begin, if the motor had settled before.

@@ -11,10 +11,7 @@ use rotorlead_identify::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;
-use rotorlead_results::{
-    BandwidthResult, Chosen, DesignRequest, Designed, Kind, MeasuredRecords, RequestError, in_short,
-};
-use rotorlead_vehicle::Purpose;
+use rotorlead_results::{BandwidthResult, Chosen, Designed, MeasuredRecords, in_short};
 
 use super::deviations::deviations;
 use super::latency::LatencyArguments;
@@ -80,13 +77,11 @@ impl Bandwidth {
             (Some(_), _) => (None, Vec::new()),
             (None, Some(file)) => (Some(CompensatorDesign::read(file)?), Vec::new()),
             (None, None) => {
-                let request = DesignRequest { kind: request.kind().or(Some(Kind::Lead)), ..request };
-                let of = || -> Result<_, RequestError> {
-                    let Chosen { options, findings, .. } = request.chosen(&model, Purpose::Force, None)?;
-                    Ok((Some(Designed::of(&model, &options)?.compensator(&model)), findings))
-                };
-                of().map_err(miette::Report::from)
-                    .wrap_err_with(|| format!("`{}` gives no compensator", self.model.path().display()))?
+                let Chosen { options, findings, .. } = request.chosen_or_lead(&model);
+                let designed = Designed::of(&model, &options)
+                    .map_err(miette::Report::from)
+                    .wrap_err_with(|| format!("`{}` gives no compensator", self.model.path().display()))?;
+                (Some(designed.compensator(&model)), findings)
             }
         };
         let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);

@@ -86,6 +86,7 @@ impl Diagnose {
             let redesign = redesigned.answer;
             answer.verdict.sentences.insert(0, redesign.verdict.headline);
             answer.text.extend(redesign.text);
+            answer.findings.extend(redesign.findings);
             answer.tables.extend(redesign.tables);
             answer.values.insert("redesign".to_owned(), json!(redesign.values));
             sections.extend(redesigned.sections);
@@ -95,6 +96,7 @@ impl Diagnose {
             let given = self.model.as_deref().map(|model| report_pages::file("Model that was judged", model));
             Report {
                 facts: [report_pages::records(&experiment, folder), given.into_iter().collect()].concat(),
+                warnings: answer.warnings(),
                 sections,
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), answer.verdict.clone())
             }

@@ -2,7 +2,6 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead_identify::design::Setting;
-use rotorlead_identify::design::redesign::KindOptions;
 use rotorlead_records::files::Quantity;
 use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
@@ -96,15 +95,6 @@ impl DesignArguments {
     /// Whether any was given.
     pub fn is_given(&self) -> bool {
         self.unchecked() != DesignRequest::default()
-    }
-
-    /// What was given, and the defaults for the rest, of the lead unless something else is asked for.
-    ///
-    /// # Errors
-    /// When an option of the other kind was given.
-    pub fn options(&self) -> Result<KindOptions, WrongUse> {
-        let request = self.request()?;
-        Ok(request.options(request.kind().unwrap_or(Kind::Lead)))
     }
 
     /// What was given.

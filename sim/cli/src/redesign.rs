@@ -7,7 +7,7 @@ use rotorlead_answer::{Answer, Section};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_records::files::{Quantity, check_writable};
-use rotorlead_results::{design_section, redesign_answer};
+use rotorlead_results::{Chosen, design_section, redesign_answer};
 use serde_json::json;
 
 use super::WrongUse;
@@ -52,7 +52,7 @@ impl RedesignArguments {
             )
             .into());
         }
-        self.parameters.options()?;
+        self.parameters.request()?;
         Ok(self.out_compensator.as_deref().map_or(Ok(()), check_writable)?)
     }
 
@@ -62,11 +62,13 @@ impl RedesignArguments {
             return Ok(None);
         }
         let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
-        let options = RedesignOptions { design: self.parameters.options()?, amplitude, esc_frame_hz };
+        let Chosen { options: design, findings, .. } = self.parameters.request()?.chosen_or_lead(&found.model);
+        let options = RedesignOptions { design, amplitude, esc_frame_hz };
         let bar = progress::estimate("designing", found.model.points.len() as u64);
         let redesigned = redesign(&found.model, &options, &|| progress::step(&bar));
         bar.finish_and_clear();
         let mut answer = redesign_answer(found, redesigned.as_ref(), amplitude);
+        answer.findings.extend(findings);
         let to_use = redesigned.as_ref().ok().filter(|redesigned| !redesigned.is_refused());
         let design = to_use.map(|redesigned| &redesigned.full.design);
         let out = self.out_compensator.as_deref();

@@ -153,6 +153,12 @@ impl DesignRequest {
         DesignResult::of(model, self.chosen(model, purpose, None)?, latency)
     }
 
+    /// The kind that is asked for, or else a lead.
+    #[must_use]
+    pub fn chosen_or_lead(&self, model: &Model) -> Chosen {
+        self.of_kind(self.kind().unwrap_or(Kind::Lead), model)
+    }
+
     /// The kind that is asked for, or what is recommended for `purpose`: by `known`, unless that is yet to be found.
     ///
     /// # Errors
