@@ -18,6 +18,7 @@ mod interrupted;
 mod inverse;
 mod judgement;
 mod latency;
+mod log_for_a_file;
 #[cfg(unix)]
 mod mutated;
 mod naming;

@@ -13,7 +13,7 @@ impl Model {
     /// When the file is missing or is no model: an unknown key, a missing one, a number that
     /// [`Model::check`] refuses, or no point. The error shows the place in the file.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        Self::parse(TextFile::read(path)?)
+        Self::with_a_point(TomlFile::read(path)?)
     }
 
     /// As [`Model::read`], of a text that is here already.
@@ -21,7 +21,11 @@ impl Model {
     /// # Errors
     /// As [`Model::read`].
     pub fn parse(text: TextFile) -> Result<Self, FileError> {
-        let (model, file) = Self::checked(text)?;
+        Self::with_a_point(TomlFile::parse(text)?)
+    }
+
+    fn with_a_point(read: (Self, TomlFile)) -> Result<Self, FileError> {
+        let (model, file) = Self::checked(read)?;
         // A table of steady points tells no lag.
         if model.points.is_empty() {
             return Err(file.show(&model.no_point()));
@@ -34,11 +38,10 @@ impl Model {
     /// # Errors
     /// As [`Model::read`], but for that.
     pub fn read_with_map_alone(path: &Path) -> Result<Self, FileError> {
-        Ok(Self::checked(TextFile::read(path)?)?.0)
+        Ok(Self::checked(TomlFile::read(path)?)?.0)
     }
 
-    fn checked(text: TextFile) -> Result<(Self, TomlFile), FileError> {
-        let (model, file): (Self, _) = TomlFile::parse(text)?;
+    fn checked((model, file): (Self, TomlFile)) -> Result<(Self, TomlFile), FileError> {
         model.check().map_err(|fault| file.show(&fault))?;
         Ok((model, file))
     }

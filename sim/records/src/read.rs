@@ -197,8 +197,11 @@ pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
 pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
     if folder.is_file() {
         let mut remedy = String::from("give the folder that holds experiment.toml");
-        if folder.extension().is_none_or(|end| end != "toml") {
-            remedy += &format!("; `rotorlead import {} --out DIR` makes one from a log", folder.display());
+        if !TomlFile::is_called_so(folder) {
+            let log = folder.display();
+            remedy += &format!(
+                "; `rotorlead import {log} --out DIR` makes one from a log, and `rotorlead identify {log}` judges it as it is"
+            );
         }
         return Err(FileError::NotAFolder { path: folder.to_owned(), remedy: remedy.into() });
     }

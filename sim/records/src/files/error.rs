@@ -98,6 +98,17 @@ pub enum FileError {
         /// The folder in which it should be.
         folder: PathBuf,
     },
+    /// A log was given where a file of settings is needed.
+    #[error("`{}` is a log or other data, and not {needed}", path.display())]
+    #[diagnostic(help("{remedy}; `rotorlead identify {} --out model.toml` makes a model of a log", path.display()))]
+    Log {
+        /// The path as it was given.
+        path: PathBuf,
+        /// What is needed, as people call it.
+        needed: &'static str,
+        /// Where that comes from.
+        remedy: &'static str,
+    },
     /// Values that no reader would accept were to be written.
     #[error("nothing was written to `{}`: {fault}", path.display())]
     #[diagnostic(help("{}", fault.help))]

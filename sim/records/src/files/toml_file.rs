@@ -19,6 +19,9 @@ const FORMAT: u32 = 1;
 /// Bytes of the longest TOML file: a description of ten thousand records is shorter.
 const LONGEST_TOML: usize = 4_000_000;
 
+/// Lines among which one at least of a TOML file says something.
+const HEAD: usize = 100;
+
 /// The text of a TOML file, kept to show faults in.
 #[derive(Clone, Debug)]
 pub struct TomlFile {
@@ -33,7 +36,11 @@ impl TomlFile {
     /// Those of [`TextFile::read`]; text that is not TOML; another format; a key that is unknown,
     /// missing, double, or holds a value of the wrong kind.
     pub fn read<T: DeserializeOwned>(path: &Path) -> Result<(T, Self), FileError> {
-        Self::parse(TextFile::read(path)?)
+        let text = TextFile::read(path).map_err(|error| match error {
+            FileError::Located(_) => Self::log::<T>(path).unwrap_or(error),
+            error => error,
+        })?;
+        Self::parse(text)
     }
 
     /// As [`Self::read`], of a text that is here already.
@@ -42,6 +49,12 @@ impl TomlFile {
     /// As [`Self::read`], but for those of [`TextFile::read`].
     pub fn parse<T: DeserializeOwned>(text: TextFile) -> Result<(T, Self), FileError> {
         let file = Self { text };
+        let is_of_settings = |line: &str| DeTable::parse(line).is_ok_and(|table| !table.get_ref().is_empty());
+        if !file.text.text().lines().take(HEAD).any(is_of_settings)
+            && let Some(error) = Self::log::<T>(file.text.path())
+        {
+            return Err(error);
+        }
         if file.text.text().len() > LONGEST_TOML {
             return Err(FileError::TooLong { path: file.text.path().to_owned(), most: LONGEST_TOML as u64 });
         }
@@ -60,6 +73,23 @@ impl TomlFile {
         let text = TextFile::read(path).ok()?;
         let root = DeTable::parse(text.text()).ok()?;
         FileKind::of(|key| root.get_ref().contains_key(key)).map(|kind| kind.name)
+    }
+
+    /// Whether a file is called as one of settings, such as a model or the description of an experiment.
+    #[must_use]
+    pub fn is_called_so(path: &Path) -> bool {
+        !path.is_dir() && path.extension().is_some_and(|end| end == "toml")
+    }
+
+    /// What is wrong with a file without settings that is not called as if it had some, where `T` is a kind that people know.
+    fn log<T: DeserializeOwned>(path: &Path) -> Option<FileError> {
+        if !path.is_file() || Self::is_called_so(path) {
+            return None;
+        }
+        // A key that no kind has is refused with those that there are.
+        let refused = toml::from_str::<T>("\"\" = 0").err()?;
+        let needed = FileKind::of(|key| names(refused.message()).contains(&key))?;
+        Some(FileError::Log { path: path.to_owned(), needed: needed.name, remedy: needed.source })
     }
 
     /// The fault, shown in the text where its place is, or where the nearest place above it is.
@@ -128,7 +158,7 @@ impl TomlFile {
         } else {
             return None;
         };
-        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let names = names(message);
         let (wrong, expected) = names.split_at_checked(own)?;
         // A slip of the pen makes no other file of it.
         if wrong.iter().any(|wrong| alike(wrong, expected.iter().copied()).is_some()) {
@@ -158,6 +188,11 @@ impl TomlFile {
         }
         span
     }
+}
+
+/// The names in a message of the TOML reader.
+fn names(message: &str) -> Vec<&str> {
+    message.split('`').skip(1).step_by(2).collect()
 }
 
 /// A kind of file that people have to do with.
