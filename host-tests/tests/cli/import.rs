@@ -23,8 +23,8 @@ fn session() -> Stand {
     stand
 }
 
-const MULTISINE: &str = "import logs/u050_multisine.csv --excitation multisine --period-s 10 --out bench";
-const SQUARE: &str = "import logs/u050_square.csv --excitation square --period-s 2 --append --out bench";
+const MULTISINE: &str = "import logs/u050_multisine.csv --excitation multisine --period 10 --out bench";
+const SQUARE: &str = "import logs/u050_square.csv --excitation square --period 2 --append --out bench";
 
 #[test]
 fn records_in_other_units_become_the_experiment_that_they_were() {
@@ -77,7 +77,7 @@ fn several_logs_of_one_kind_are_taken_at_once() {
     let stand = session();
     fs::copy(stand.path("logs/u050_multisine.csv"), stand.path("logs/again.csv")).unwrap();
     let files = "logs/u050_multisine.csv logs/again.csv";
-    let found = stand.json(&format!("import {files} --excitation multisine --period-s 10 --name two --out bench"));
+    let found = stand.json(&format!("import {files} --excitation multisine --period 10 --name two --out bench"));
     assert_eq!(found["logs"].as_array().unwrap().len(), 2);
     assert_eq!(found["logs"][1]["format"], "plain");
     let experiment = Experiment::read(&stand.path("bench")).unwrap();
@@ -86,7 +86,7 @@ fn several_logs_of_one_kind_are_taken_at_once() {
     assert_eq!(files, ["u050_multisine.csv", "again.csv"]);
     assert!(experiment.records.iter().all(|record| record.excitation == Excitation::Multisine));
     // Without a name it is the folder's.
-    stand.run("import logs/u050_multisine.csv logs/again.csv --excitation multisine --period-s 10 --out other");
+    stand.run("import logs/u050_multisine.csv logs/again.csv --excitation multisine --period 10 --out other");
     assert_eq!(Experiment::read(&stand.path("other")).unwrap().name, "other");
 }
 
@@ -97,7 +97,7 @@ fn numbers_in_another_unit_than_they_are_taken_for_are_doubted_at_once() {
     let header = log.lines().next().unwrap().to_owned();
     // The same rows with milliseconds that are called seconds.
     stand.write("logs/slow.csv", log.replacen(&header, &header.replace("ms", "s"), 1));
-    let import = "import logs/slow.csv --excitation multisine --period-s 10 --out slow";
+    let import = "import logs/slow.csv --excitation multisine --period 10 --out slow";
     stand.refuses(import, 1, &["rows come every 1 s", "no motor shows in them", "milliseconds by 1000"]);
     // As they should be nothing is doubted.
     assert_eq!(stand.json(MULTISINE)["findings"].as_array().unwrap().len(), 0);
@@ -106,7 +106,7 @@ fn numbers_in_another_unit_than_they_are_taken_for_are_doubted_at_once() {
 #[test]
 fn parts_of_one_log_become_records_of_one_experiment() {
     let stand = session();
-    let rest = "--excitation square --period-s 2 --append --out bench";
+    let rest = "--excitation square --period 2 --append --out bench";
     stand.run(&format!("import logs/u050_square.csv --seconds 0..2 {rest}"));
     stand.run(&format!("import logs/u050_square.csv --seconds 2..4 {rest}"));
     let experiment = Experiment::read(&stand.path("bench")).unwrap();
@@ -120,7 +120,7 @@ fn the_error_of_a_table_without_units_gives_the_line_that_works() {
     let stand = session();
     let header = "Time (ms),ESC signal (us),Thrust [g]";
     stand.edit("logs/u050_square.csv", header, "t,esc,load cell");
-    let import = "import logs/u050_square.csv --excitation square --period-s 2 --out bench";
+    let import = "import logs/u050_square.csv --excitation square --period 2 --out bench";
     stand.refuses(
         import,
         1,
@@ -151,7 +151,7 @@ fn a_reversed_sign_is_mentioned_and_turned_by_the_option_that_is_said() {
         })
         .collect();
     stand.write("turned.csv", format!("{}\n{rows}", header.replace("Thrust [g]", "thrust_g")));
-    let import = "import turned.csv --excitation square --period-s 2";
+    let import = "import turned.csv --excitation square --period 2";
     let text = stand.run(&format!("{import} --out wrong")).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(text.contains("turn its sign by `--column thrust=thrust_g:-gf`"), "{text}");
     let text = stand.run(&format!("{import} --column thrust=thrust_g:-gf --out right"));
@@ -170,12 +170,8 @@ fn what_import_cannot_know_or_do_is_refused() {
             2,
             &["does not say what drove the command", "--excitation KIND", "`multisine`"][..],
         ),
-        (format!("{log} --excitation square --out bench"), 2, &["--excitation square needs --period-s"]),
-        (
-            format!("{log} --excitation step --period-s 2 --out bench"),
-            2,
-            &["--period-s goes with --excitation multisine"],
-        ),
+        (format!("{log} --excitation square --out bench"), 2, &["--excitation square needs --period"]),
+        (format!("{log} --excitation step --period 2 --out bench"), 2, &["--period goes with --excitation multisine"]),
         (
             format!("{log} --excitation sine --out bench"),
             2,
@@ -239,7 +235,7 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
         "3706 of 3707 rows taken",
         "19 lines of remarks",
         "DShot: 48..2047 become 0..1, 0 is stop; guessed",
-        "the response is the speed: the thrust is in 3313 of 3707 rows alone. `--output thrust` takes the other one",
+        "the response is the speed: the thrust is in 3313 of 3707 rows alone. `--response thrust` takes the other one",
     ] {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
@@ -250,7 +246,7 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     let fastest = record.rpm.as_ref().unwrap().iter().copied().fold(0.0, f64::max);
     assert!((fastest * std::f64::consts::PI / 30.0 - 4_777.210_508_8).abs() < 1e-3, "{fastest}");
     // The other response is taken when it is asked for, without the rows that do not have it.
-    let text = summary(&stand, &format!("import {log} --output thrust --out thrust"));
+    let text = summary(&stand, &format!("import {log} --response thrust --out thrust"));
     assert!(text.contains("394 rows left out: `Thrust (gf)` is blank"), "{text}");
     assert_eq!(Experiment::read(&stand.path("thrust")).unwrap().output, Output::ThrustN);
 }
@@ -259,7 +255,7 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
 fn an_untared_stand_is_mentioned_and_tared() {
     let Some(log) = small_motor("so_v5_2023-12-13_130935.csv") else { return };
     let stand = Stand::new();
-    let import = format!("import {log} --output thrust");
+    let import = format!("import {log} --response thrust");
     let at_rest = |folder: &str| {
         let record = Experiment::read(&stand.path(folder)).unwrap().records.remove(0);
         let rest = record.command.iter().take_while(|command| **command == 0.0).count();

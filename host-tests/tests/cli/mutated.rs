@@ -64,7 +64,7 @@ const COMMANDS: [&str; 43] = [
     "import blackbox.bbl --out made/imported --excitation free",
     "import rcbenchmark.csv esc32.csv --fleet --out made/fleet --json made/j.json",
     "identify rcbenchmark.csv --json made/j.json",
-    "identify esc32.csv --excitation staircase --output rpm --seconds 0..@ --out made/m.toml",
+    "identify esc32.csv --excitation staircase --response rpm --seconds 0..@ --out made/m.toml",
     "identify stand/step.csv --excitation step --nominal @ --report made/r.html",
     "identify vectors.mat --excitation steady --out made/m.toml",
     "identify blackbox.bbl --pulse-us 1000..@ --motor 1",

@@ -31,7 +31,7 @@ fn proposed(text: &str) -> String {
 }
 
 /// The text of a page.
-fn without_tags(html: &str) -> String {
+pub fn without_tags(html: &str) -> String {
     html.split('<').map(|part| part.split_once('>').map_or(part, |(_, text)| text)).collect()
 }
 
@@ -186,9 +186,9 @@ fn what_is_no_log_takes_no_option_of_one() {
         }
     }
     // What a log is asked for and has not, and what goes with no log.
-    stand.refuses("identify log.csv --excitation square", 2, &["--excitation square needs --period-s"]);
+    stand.refuses("identify log.csv --excitation square", 2, &["--excitation square needs --period"]);
     stand.refuses("identify log.csv --excitation step --motor 1", 2, &["it is no autopilot's log"]);
-    stand.refuses("identify log.csv --excitation step --output rpm", 1, &["no column was taken as rpm"]);
+    stand.refuses("identify log.csv --excitation step --response rpm", 1, &["no column was taken as rpm"]);
     stand.refuses("identify log.csv --excitation step --out log.csv", 2, &["would be read and then written over"]);
     stand.refuses("identify nowhere.csv --excitation step", 1, &["`nowhere.csv` does not exist"]);
     stand.refuses("identify stand/experiment.toml", 1, &["is not a folder", "the folder that holds experiment.toml"]);

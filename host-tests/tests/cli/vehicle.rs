@@ -170,5 +170,5 @@ fn a_model_of_a_speed_is_refused() {
     let stand = Stand::new();
     let provenance = "[provenance]\nrecords = [\"a.csv\"]\nversion = \"0.1.0\"\noutput = \"rpm\"\n";
     stand.write("model.toml", stand.read("model.toml") + provenance);
-    stand.refuses(SMALL, 1, &["`model.toml`", "torque needs thrust", "--output thrust"]);
+    stand.refuses(SMALL, 1, &["`model.toml`", "torque needs thrust", "--response thrust"]);
 }

@@ -645,7 +645,7 @@ fn records_of_a_motor_that_something_else_drives_add_up_to_an_experiment() {
     let bench = Bench::driven(Trouble::None, FAST, input);
     let periodic = |excitation: &str, period: u32, more: &str| {
         format!(
-            "record --excitation {excitation} --nominal 0.5 --period-s {period} --divisor 5 {more} --out @stand {SENSOR}"
+            "record --excitation {excitation} --nominal 0.5 --period {period} --divisor 5 {more} --out @stand {SENSOR}"
         )
     };
     // Until it is armed.
@@ -688,11 +688,11 @@ fn a_record_of_nothing_in_particular_says_what_identify_lacks() {
 fn a_recording_that_cannot_be_one_is_refused_before_it_starts() {
     let bench = Bench::new(Trouble::None, FAST);
     for (arguments, said) in [
-        ("--excitation square --nominal 0.5 --seconds 4", "--period-s"),
-        ("--excitation multisine --period-s 10 --seconds 4", "--nominal"),
-        ("--excitation square --nominal 0.5 --period-s 10 --seconds 4", "less than one period"),
-        ("--excitation square --nominal 0.5 --period-s 0.0123 --divisor 5 --seconds 4", "no whole number"),
-        ("--excitation square --nominal 1.5 --period-s 1 --seconds 4", "from 0 to 1"),
+        ("--excitation square --nominal 0.5 --seconds 4", "--period"),
+        ("--excitation multisine --period 10 --seconds 4", "--nominal"),
+        ("--excitation square --nominal 0.5 --period 10 --seconds 4", "less than one period"),
+        ("--excitation square --nominal 0.5 --period 0.0123 --divisor 5 --seconds 4", "no whole number"),
+        ("--excitation square --nominal 1.5 --period 1 --seconds 4", "from 0 to 1"),
         ("--seconds 1e9", "from 0.0001 to 100000"),
     ] {
         let error = bench.device(&format!("record {arguments} --out @stand {SENSOR}")).unwrap_err();

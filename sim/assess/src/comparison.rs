@@ -84,7 +84,7 @@ pub enum ComparisonError {
     },
     /// One is of thrust, the other of speed.
     #[error("the first model is of `{}`, the second of `{}`: a gain and a lag of one are not those of the other", a.column(), b.column())]
-    #[diagnostic(help("identify both from the same response, with --output where a log has two"))]
+    #[diagnostic(help("identify both from the same response, with --response where a log has two"))]
     OtherOutput {
         /// Response of the first.
         a: Output,

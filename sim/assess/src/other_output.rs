@@ -48,7 +48,7 @@ impl OtherOutput {
         let (behind_ms, which) = (1e3 * self.behind_s, if self.behind_s < 0.0 { "ahead of" } else { "behind" });
         format!(
             "The response is {}; {} has a time constant of {:.0} ms and a dead time of {:.0} ms, together {:.0} ms {which} it (fit \
-             {:.1} %). --output chooses.",
+             {:.1} %). --response chooses.",
             response.column(),
             self.output.column(),
             1e3 * self.time_constant_s,
@@ -66,7 +66,7 @@ impl OtherOutput {
         (self.output == Output::Rpm && late_s > WORTH_A_WORD * whole_s).then(|| {
             format!(
                 "thrust comes {:.0} ms behind its speed, which is {:.0} % of its lag: the load cell, its filter or the stand makes that, and \
-                 a compensator would be built for them too. Record thrust unfiltered, or identify the speed with --output rpm",
+                 a compensator would be built for them too. Record thrust unfiltered, or identify the speed with --response rpm",
                 1e3 * late_s,
                 100.0 * late_s / whole_s
             )

@@ -8,9 +8,10 @@ use rotorlead_answer::Report;
 use rotorlead_assess::compare;
 use rotorlead_identify::IdentifyOptions;
 use rotorlead_plant::Model;
+use rotorlead_records::files::TomlFile;
 use rotorlead_results::{IdentifyResult, Subject, comparison_answer};
 
-use super::measured::{Reader, is_toml};
+use super::measured::Reader;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
@@ -59,7 +60,7 @@ impl Compare {
 
     /// The model at `path`, or that of the records there.
     fn model(&self, path: &Path) -> miette::Result<Model> {
-        if is_toml(path) {
+        if TomlFile::is_called_so(path) {
             return Ok(Model::read(path)?);
         }
         let mut experiment = self.reader.read(path, u64::MAX)?.experiment;

@@ -10,7 +10,7 @@ use rotorlead_records::import::ImportOptions;
 use rotorlead_records::{Experiment, FleetList, FleetLog, Output};
 use serde_json::json;
 
-use super::log_arguments::{LogArguments, Logs, bytes, called_alike, outputs};
+use super::log_arguments::{LogArguments, Logs, bytes, called_alike, responses};
 use super::outcome::{JsonOption, Outcome};
 use super::progress;
 
@@ -50,8 +50,8 @@ pub struct Import {
     #[arg(long, conflicts_with_all = ["pulse_us", "append"])]
     no_command: bool,
     /// Which of the two is the response, where a log has both; the summary says which it is and why
-    #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
-    output: Option<Output>,
+    #[arg(long, alias = "output", value_name = "RESPONSE", value_parser = responses())]
+    response: Option<Output>,
     #[command(flatten)]
     logs: LogArguments,
     #[command(flatten)]
@@ -68,7 +68,7 @@ impl Import {
         }
         let options = ImportOptions {
             name: self.name.clone(),
-            output: self.output,
+            output: self.response,
             without_command: self.no_command,
             ..self.logs.options()
         };

@@ -44,7 +44,8 @@ use std::borrow::Cow;
 use std::io::{Write as _, stdout};
 use std::path::Path;
 
-use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::builder::UnknownArgumentValueParser;
+use clap::{Arg, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use rotorlead_answer::words::fit_terminal;
 use rotorlead_records::files::printable;
@@ -195,7 +196,18 @@ fn command_line() -> clap::Command {
         command.after_long_help(exit::STATUS).mut_subcommands(with_exit_status)
     }
     help::with_common_options(Arguments::command())
-        .mut_subcommands(|command| help::with_layout(with_exit_status(command)))
+        .mut_subcommands(|command| with_out_for_output(help::with_layout(with_exit_status(command))))
+}
+
+/// Has `--output` lead to `--out` where nothing else is called so: what looks most like it is about pulses.
+fn with_out_for_output(command: clap::Command) -> clap::Command {
+    let command = command.mut_subcommands(with_out_for_output);
+    let is_taken = |argument: &Arg| argument.get_all_aliases().is_some_and(|names| names.contains(&"output"));
+    if command.get_arguments().any(is_taken) || command.get_arguments().all(|argument| argument.get_id() != "out") {
+        return command;
+    }
+    let parser = UnknownArgumentValueParser::suggest_arg("--out");
+    command.arg(Arg::new("output").long("output").value_name("FILE").hide(true).value_parser(parser))
 }
 
 #[cfg(test)]

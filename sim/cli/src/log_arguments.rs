@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
-use clap::{Arg, Args, Command};
 use indicatif::ProgressBar;
 use miette::{Diagnostic as _, miette};
 use rotorlead_answer::{Cell, Column, Table};
@@ -17,7 +17,7 @@ use rotorlead_records::{Excitation, Experiment, Output};
 
 use super::WrongUse;
 use super::parameters::{number, range};
-use super::report_option::{arguments, this_command_with};
+use super::report_option::this_command_with;
 use rotorlead_answer::words::{remark, width, wrapped};
 
 /// What is in a log, for every command that reads one.
@@ -40,7 +40,7 @@ pub struct LogArguments {
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
     /// Period of a multisine, square or triangle, in seconds
-    #[arg(long, value_name = "SECONDS", value_parser = number(Quantity::DURATION_S), allow_negative_numbers = true)]
+    #[arg(long = "period", alias = "period-s", value_name = "SECONDS", value_parser = number(Quantity::DURATION_S), allow_negative_numbers = true)]
     period_s: Option<f64>,
     /// Command around which it was run, 0..1; found from the command's column unless given
     #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
@@ -112,27 +112,13 @@ impl LogArguments {
         Ok(Logs { findings: findings.collect(), experiment, summaries })
     }
 
-    /// The options about a log, with its response, as they were typed for the command that is running.
-    pub fn as_typed() -> Vec<String> {
-        let known = Self::augment_args(Command::new("log")).arg(Arg::new("output").long("output"));
-        let (mut given, mut words) = (arguments(), Vec::new());
-        while let Some(word) = given.next() {
-            let (name, value) = word.split_once('=').map_or((word.as_str(), None), |(name, value)| (name, Some(value)));
-            let is_named = |option: &&Arg| option.get_long().is_some_and(|long| name.strip_prefix("--") == Some(long));
-            let Some(option) = known.get_arguments().find(is_named) else { continue };
-            let value = if value.is_none() && option.get_action().takes_values() { given.next() } else { None };
-            words.extend([Some(word), value].into_iter().flatten());
-        }
-        words
-    }
-
     /// Refuses options about a log where an experiment's folder is given.
     pub fn refuse_with(&self, folder: &Path) -> Result<(), WrongUse> {
         let given = [
             (!self.column.is_empty(), "--column"),
             (self.tare, "--tare"),
             (self.excitation.is_some(), "--excitation"),
-            (self.period_s.is_some(), "--period-s"),
+            (self.period_s.is_some(), "--period"),
             (self.nominal.is_some(), "--nominal"),
             (self.amplitude.is_some(), "--amplitude"),
             (self.seconds.is_some(), "--seconds"),
@@ -167,12 +153,12 @@ impl LogArguments {
         let is_periodic = self.excitation.is_some_and(Excitation::is_periodic);
         match (self.excitation, self.period_s) {
             (Some(excitation), None) if is_periodic => Err(WrongUse::new(
-                format!("--excitation {} needs --period-s", excitation.name()),
+                format!("--excitation {} needs --period", excitation.name()),
                 next_command("say after how many seconds the command repeats", &[MissingOption::period()]),
             )),
             (_, Some(_)) if !is_periodic => Err(WrongUse::new(
-                "--period-s goes with --excitation multisine, square or triangle alone",
-                "leave --period-s out, or say which of them the command is",
+                "--period goes with --excitation multisine, square or triangle alone",
+                "leave --period out, or say which of them the command is",
             )),
             _ => Ok(()),
         }
@@ -256,8 +242,7 @@ fn next_command(remedy: &str, missing: &[MissingOption]) -> String {
 fn join(whole: &mut Experiment, added: Experiment, first: &Path, file: &Path) -> miette::Result<()> {
     if added.output != whole.output {
         return Err(miette!(
-            help =
-                "choose one with --output, import them into different folders, or state with --column what is missing",
+            help = "choose one with --response, import them into different folders, or state with --column what is missing",
             "`{}` and `{}` do not have the same response: it is the thrust of one and the rpm of the other",
             first.display(),
             file.display()
@@ -343,7 +328,7 @@ fn seconds(text: &str) -> Result<(f64, f64), String> {
 }
 
 /// The names of the two responses.
-pub fn outputs() -> impl clap::builder::TypedValueParser<Value = Output> {
+pub fn responses() -> impl clap::builder::TypedValueParser<Value = Output> {
     PossibleValuesParser::new(["thrust", "rpm"])
         .map(|name| if name == "thrust" { Output::ThrustN } else { Output::Rpm })
 }

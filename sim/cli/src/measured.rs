@@ -3,14 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::slice;
 
-use clap::Args;
+use clap::{Arg, Args, Command};
 use indicatif::ProgressBar;
+use rotorlead_records::files::TomlFile;
 use rotorlead_records::import::{ImportOptions, ImportSummary};
 use rotorlead_records::{Experiment, LongRecord, Output};
 
 use super::WrongUse;
-use super::log_arguments::{LogArguments, outputs};
-use super::report_option::typed;
+use super::log_arguments::{LogArguments, responses};
+use super::report_option::{arguments, typed};
 
 /// What the folder of a log is called in commands that are proposed.
 const FOLDER: &str = "stand";
@@ -29,8 +30,8 @@ pub struct Measured {
 #[derive(Args, Debug)]
 pub struct Reader {
     /// Which column is the response; what the experiment says, or the log shows, unless given
-    #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
-    output: Option<Output>,
+    #[arg(long, alias = "output", value_name = "RESPONSE", value_parser = responses())]
+    response: Option<Output>,
     #[command(flatten)]
     log: LogArguments,
 }
@@ -87,11 +88,28 @@ impl Measured {
     pub fn import_command(&self) -> Option<String> {
         let words = ["import".to_owned(), self.experiment.display().to_string()];
         let out = ["--out".to_owned(), FOLDER.to_owned()];
-        is_log(&self.experiment).then(|| typed(words.into_iter().chain(LogArguments::as_typed()).chain(out)))
+        is_log(&self.experiment).then(|| typed(words.into_iter().chain(Reader::as_typed()).chain(out)))
     }
 }
 
 impl Reader {
+    /// The options about a log as they were typed for the command that is running.
+    fn as_typed() -> Vec<String> {
+        let known = Self::augment_args(Command::new("log"));
+        let (mut given, mut words) = (arguments(), Vec::new());
+        while let Some(word) = given.next() {
+            let (name, value) = word.split_once('=').map_or((word.as_str(), None), |(name, value)| (name, Some(value)));
+            let is_named = |option: &&Arg| {
+                let names = option.get_long().into_iter().chain(option.get_all_aliases().into_iter().flatten());
+                name.strip_prefix("--").is_some_and(|name| names.into_iter().any(|known| known == name))
+            };
+            let Some(option) = known.get_arguments().find(is_named) else { continue };
+            let value = if value.is_none() && option.get_action().takes_values() { given.next() } else { None };
+            words.extend([Some(word), value].into_iter().flatten());
+        }
+        words
+    }
+
     fn folder<'a>(&self, path: &'a Path) -> Result<&'a Path, WrongUse> {
         // Of what is not there, that is said.
         if path.exists() {
@@ -111,18 +129,18 @@ impl Reader {
 
     /// Makes the response the one that is asked for. One that was not taken is refused.
     pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), WrongUse> {
-        let Some(output) = self.output else { return Ok(()) };
+        let Some(output) = self.response else { return Ok(()) };
         experiment.output = output;
         experiment.records.iter().find(|record| record.response(output).is_none()).map_or(Ok(()), |record| {
-            let message = format!("--output asks for `{}`, and `{}` has no such column", output.column(), record.file);
-            let remedy = "leave --output out, or take the other response of the log with `rotorlead import --output`: where it is \
+            let message = format!("--response asks for `{}`, and `{}` has no such column", output.column(), record.file);
+            let remedy = "leave --response out, or take the other response of the log with `rotorlead import --response`: where it is \
                           slower than the one that was taken, rows without it are left out";
             Err(WrongUse::new(message, remedy))
         })
     }
 
     fn read_log(&self, path: &Path, with_command: bool) -> miette::Result<Reading> {
-        let options = ImportOptions { output: self.output, without_command: !with_command, ..self.log.options() };
+        let options = ImportOptions { output: self.response, without_command: !with_command, ..self.log.options() };
         // The command has a bar of its own.
         let logs = self.log.read(slice::from_ref(&path.to_owned()), &options, &ProgressBar::hidden())?;
         let (text, detail) = (logs.in_short(), logs.text());
@@ -138,10 +156,5 @@ impl Reader {
 
 /// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.
 fn is_log(path: &Path) -> bool {
-    path.exists() && !path.is_dir() && !is_toml(path)
-}
-
-/// Whether it is a file of settings, as a model and the description of an experiment are.
-pub(super) fn is_toml(path: &Path) -> bool {
-    !path.is_dir() && path.extension().is_some_and(|end| end == "toml")
+    path.exists() && !path.is_dir() && !TomlFile::is_called_so(path)
 }

@@ -469,7 +469,7 @@ fn on_a_device(plan: &Plan, needs: &str) -> Vec<String> {
         let period_s = 2.0 * record.half_period_s.unwrap_or_default();
         let excitation = if record.excitation == Excitation::Triangle { "triangle" } else { "square" };
         lines.push(format!(
-            "{common} record --excitation {excitation} --nominal {} --amplitude {} --period-s {period_s} --seconds {} --divisor \
+            "{common} record --excitation {excitation} --nominal {} --amplitude {} --period {period_s} --seconds {} --divisor \
              {divisor} {sensor}",
             record.nominal,
             record.amplitude.unwrap_or_default(),

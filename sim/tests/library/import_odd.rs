@@ -272,7 +272,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "a response that is mostly blank",
             with(2, 0..250, "nan").into(),
             "thrust",
-            &["line 2, column `thrust_g`: empty, as in 250 of 400 rows", "--output"],
+            &["line 2, column `thrust_g`: empty, as in 250 of 400 rows", "--response"],
         ),
         (
             "a response that is not there",
@@ -377,7 +377,7 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     assert!(record.thrust_n.is_some(), "both are complete");
     let note = |part: &str| summary.notes.iter().find(|note| note.contains(part)).unwrap_or_else(|| panic!("{part}"));
     assert!(note("is guessed").contains("`--column 'command=ESC signal:UNIT'` states another unit"));
-    assert!(note("the response is the speed").contains("`--output thrust`"));
+    assert!(note("the response is the speed").contains("`--response thrust`"));
     let column = |name: &str| summary.columns.iter().find(|column| column.name.starts_with(name)).unwrap();
     assert_eq!(column("ESC signal").note, "DShot: 48..2047 become 0..1, 0 is stop; guessed");
     assert_eq!(column("Motor Electrical").note, "zero or blank in every row");
@@ -431,7 +431,7 @@ fn the_response_is_the_one_that_is_asked_for_or_said_with_its_reason() {
     };
     let (output, thrust, rpm, rows, note) = responses(&table(), "");
     assert_eq!((output, thrust, rpm, rows), (Output::ThrustN, true, true, ROWS));
-    assert!(note.contains("`--output rpm` takes the other one"), "{note}");
+    assert!(note.contains("`--response rpm` takes the other one"), "{note}");
     let (output, thrust, rpm, ..) = responses(&table(), "rpm");
     assert_eq!((output, thrust, rpm), (Output::Rpm, true, true));
     // A thrust with holes is no response, unless it is asked for.

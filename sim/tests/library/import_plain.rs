@@ -246,7 +246,7 @@ fn a_table_that_is_none_or_says_too_little_is_refused() {
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
     let message = message(imported(table(HEADER).as_bytes(), &ImportOptions::default()));
-    assert!(message.contains("does not say what drove the command") && message.contains("--period-s"), "{message}");
+    assert!(message.contains("does not say what drove the command") && message.contains("--period"), "{message}");
     let bytes = [table(HEADER).as_bytes(), b"2000,1500,\xb5\n"].concat();
     let message = self::message(imported(&bytes, &options(&[])));
     assert!(message.contains("line 402: not UTF-8 text"), "{message}");

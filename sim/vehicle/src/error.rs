@@ -24,7 +24,7 @@ pub enum VehicleError {
     },
     /// The response of the model is a speed.
     #[error("the model is one of the motor's speed, and torque needs thrust")]
-    #[diagnostic(help("identify with `--output thrust`: `rotorlead vehicle` needs newtons per unit of command"))]
+    #[diagnostic(help("identify with `--response thrust`: `rotorlead vehicle` needs newtons per unit of command"))]
     NotThrust,
     /// The vehicle hovers where the model says nothing.
     #[error("the vehicle hovers at {from} to {to}, and the model holds from {first} to {last}")]

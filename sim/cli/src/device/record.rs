@@ -76,7 +76,7 @@ pub(super) struct Record {
     #[arg(long, value_name = "U", value_parser = number(Quantity::AMPLITUDE))]
     amplitude: Option<f64>,
     /// Period of a multisine, a square wave or a triangle
-    #[arg(long, value_name = "S", value_parser = number(Quantity::DURATION_S), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    #[arg(long = "period", alias = "period-s", value_name = "S", value_parser = number(Quantity::DURATION_S), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     period_s: Option<f64>,
     /// What the record is for; the tools choose unless given
     #[arg(long, value_enum)]
@@ -144,7 +144,7 @@ impl Record {
             let rows_per_period = period_s * row_rate_hz;
             if (rows_per_period - rows_per_period.round()).abs() > 1e-6 * rows_per_period || rows_per_period < 2.0 {
                 return Err(WrongUse::new(
-                    format!("--period-s {period_s} is {rows_per_period} rows at {row_rate_hz} Hz, no whole number"),
+                    format!("--period {period_s} is {rows_per_period} rows at {row_rate_hz} Hz, no whole number"),
                     "choose a --divisor with which a period has a whole number of rows",
                 ));
             }

@@ -261,7 +261,7 @@ pub enum ImportError {
     #[error("{}, line {line}, column `{column}`: empty, as in {blank} of {rows} rows", file.display())]
     #[diagnostic(help(
         "a column that is asked for, or that is the response, needs a number in more than half of the rows: choose another \
-         with --output or --column, or record it at the rate of the other columns"
+         with --response or --column, or record it at the rate of the other columns"
     ))]
     MostlyBlank {
         /// The log.
@@ -291,7 +291,7 @@ pub enum ImportError {
     },
     /// A response is asked for that the log does not have.
     #[error("{}: no column was taken as {output}, which is to be the response", file.display())]
-    #[diagnostic(help("name its column with --column, or choose the other response with --output"))]
+    #[diagnostic(help("name its column with --column, or choose the other response with --response"))]
     NoSuchOutput {
         /// The log.
         file: PathBuf,

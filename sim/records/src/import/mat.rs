@@ -211,7 +211,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     let mut notes = Vec::new();
     if thrust_n.is_some() && rpm.is_some() && options.output.is_none() {
         notes.push(String::from(
-            "thrust and speed are both there: the experiment's response is the thrust; `--output rpm` takes the speed",
+            "thrust and speed are both there: the experiment's response is the thrust; `--response rpm` takes the speed",
         ));
     }
     Ok(Taken {

@@ -6,7 +6,7 @@ use std::fmt;
 use super::Quantity;
 
 /// What `KIND` of [`MissingOption::excitation`] may be.
-pub const EXCITATIONS: &str = "`multisine`, `square` or `triangle`, each with `--period-s SECONDS`; `staircase` (levels held \
+pub const EXCITATIONS: &str = "`multisine`, `square` or `triangle`, each with `--period SECONDS`; `staircase` (levels held \
      one after the other), `step` (one), `chirp`, `steady` (each row is a steady point), or `free` for anything else";
 
 /// An option of the command line that is needed, with a word in capitals where a value is to be filled in. Shown as it is typed in
@@ -33,7 +33,7 @@ impl MissingOption {
     /// After how many seconds the command repeats.
     #[must_use]
     pub fn period() -> Self {
-        Self { name: "--period-s", value: String::from("SECONDS") }
+        Self { name: "--period", value: String::from("SECONDS") }
     }
 
     pub(super) fn pulse_us() -> Self {

@@ -120,7 +120,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
             why = String::from("zero in every row");
         } else if matches!(pick.unit.quantity, Quantity::Thrust | Quantity::Speed) {
             why += match 2 * filled > count {
-                true => format!(": `--output {}` takes it and leaves out the other rows", pick.unit.quantity.name()),
+                true => format!(": `--response {}` takes it and leaves out the other rows", pick.unit.quantity.name()),
                 false => String::from(": too slow to show the lag"),
             }
             .as_str();

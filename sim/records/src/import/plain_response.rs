@@ -1,6 +1,6 @@
 //! Which of thrust and speed is the response of a record, and which rows it needs.
 //!
-//! What is asked for by `--output` or `--column` is taken, or the import fails. Otherwise a thrust that is filled in each row is the
+//! What is asked for by `--response` or `--column` is taken, or the import fails. Otherwise a thrust that is filled in each row is the
 //! response, and else the one of both that is filled in more rows. Of a stand whose thrust goes through filters, which delay it
 //! more than the speed, it is the speed.
 
@@ -49,7 +49,7 @@ impl Columns<'_> {
         let note = match stated {
             _ if !has_both => None,
             Some(_) => Some(format!("the response is the {name}, {why}")),
-            None => Some(format!("the response is the {name}: {why}. `--output {other}` takes the other one")),
+            None => Some(format!("the response is the {name}: {why}. `--response {other}` takes the other one")),
         };
         let columns = [self.thrust, self.speed].into_iter().flatten().chain(self.others.iter().copied());
         let mut needed = Vec::new();
