@@ -162,7 +162,7 @@ fn what_is_no_vehicle_is_refused_with_place_and_remedy() {
     stand.edit("model.toml", "gain = 6.2", "gain = -6.2");
     stand.edit("model.toml", "gain = 7.1", "gain = -7.1");
     stand.refuses(SMALL, 1, &["`model.toml`", "thrust has to rise", "above 0"]);
-    stand.refuses("vehicle model.toml", 2, &["unexpected argument"]);
+    stand.refuses("vehicle model.toml airframe.toml", 2, &["unexpected argument"]);
 }
 
 #[test]
