@@ -137,7 +137,7 @@ pub(super) fn written(out: Option<&Path>) -> String {
 }
 
 /// That no stand is divided out of steps is said of the option, and so is what a log does not say of its excitation.
-fn not_identified(error: IdentifyError, is_of_log: bool) -> miette::Report {
+pub(super) fn not_identified(error: IdentifyError, is_of_log: bool) -> miette::Report {
     match error {
         IdentifyError::NoRecord { .. }
         | IdentifyError::Free { .. }

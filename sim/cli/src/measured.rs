@@ -155,6 +155,6 @@ impl Reader {
 }
 
 /// Whether it is a file that is no part of an experiment. What is not there is missed as a folder.
-fn is_log(path: &Path) -> bool {
+pub(super) fn is_log(path: &Path) -> bool {
     path.exists() && !path.is_dir() && !TomlFile::is_called_so(path)
 }

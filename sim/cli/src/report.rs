@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use miette::WrapErr as _;
 use rotorlead_answer::words::paragraph;
 use rotorlead_answer::{Report, Tone, Verdict};
 use rotorlead_identify::design::redesign::KindOptions;
@@ -14,7 +15,8 @@ use rotorlead_report::html;
 use rotorlead_results::{Asked, Overview, Watch};
 use serde_json::json;
 
-use super::measured::{Measured, Reading};
+use super::identify::not_identified;
+use super::measured::{Measured, Reading, is_log};
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
 use super::replaced::report_at;
@@ -67,7 +69,10 @@ impl ReportCommand {
         let bar = progress::estimate("identifying", diagnose::STEPS);
         let watch = Watch { stage: &|stage| bar.set_message(stage), step: &|| progress::step(&bar) };
         // What was found in a log may say why nothing comes of it.
-        let overview = Overview::of(&experiment, self.measured.path(), asked, watch)
+        let folder = self.measured.path();
+        let overview = Overview::of(&experiment, folder, asked, watch)
+            .map_err(|error| not_identified(error, is_log(folder)))
+            .wrap_err_with(|| format!("nothing was identified from `{}`", folder.display()))
             .inspect_err(|_| eprint!("{}", printable(&of_log)))?;
         bar.finish_and_clear();
         let judged = given.as_deref().map(|file| report_pages::file("Model that was judged", file));

@@ -6,7 +6,6 @@ pub use words::lags;
 
 use std::path::Path;
 
-use miette::WrapErr as _;
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_answer::Answer;
 use rotorlead_assess::{Assessment, NotCompared, assess};
@@ -14,7 +13,7 @@ use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_comm
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::Latency;
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
-use rotorlead_identify::{IdentifyOptions, PeriodicIdentification};
+use rotorlead_identify::{IdentifyError, IdentifyOptions, PeriodicIdentification};
 use rotorlead_plant::{ActiveEffect, Catalog, Effect, Model};
 use rotorlead_records::{Experiment, Finding, Topic};
 use rotorlead_vehicle::Purpose;
@@ -81,17 +80,13 @@ impl Overview {
     ///
     /// # Errors
     /// What is wrong with the records, where neither a model is given nor one can be identified.
-    pub fn of(experiment: &Experiment, folder: &Path, asked: Asked, watch: Watch) -> miette::Result<Self> {
+    pub fn of(experiment: &Experiment, folder: &Path, asked: Asked, watch: Watch) -> Result<Self, IdentifyError> {
         (watch.stage)("identifying");
-        let mut identified = IdentifyResult::of(experiment, &IdentifyOptions::default()).map_err(miette::Report::from);
+        let mut identified = IdentifyResult::of(experiment, &IdentifyOptions::default());
         let model = match (asked.model, &identified) {
             (Some(model), _) => model.clone(),
             (None, Ok(found)) => found.identification.model.clone(),
-            (None, Err(_)) => {
-                return identified
-                    .map(|_| unreachable!("it is an error"))
-                    .wrap_err_with(|| format!("nothing was identified from `{}`", folder.display()));
-            }
+            (None, Err(error)) => return Err(error.clone()),
         };
         let findings = findings(experiment, identified.as_ref().ok());
         (watch.stage)("measuring");
@@ -117,7 +112,7 @@ impl Overview {
             found.assessment.clone_from(&assessment);
         }
         let mut overview = Self {
-            identified: identified.map_err(|error| said(&error)),
+            identified: identified.map_err(|error| said(&error.into())),
             model,
             is_given: asked.model.is_some(),
             assessment,
