@@ -62,11 +62,13 @@ def command(*arguments):
 
 
 def answer(*arguments):
-    """The JSON of a command, which has to succeed."""
+    """The JSON of a command, which has to succeed, without the mark of what wrote it."""
     ended = command(*arguments, "--json", "-")
     if ended.returncode != 0:
         raise AssertionError(f"{arguments}: {ended.stderr}")
-    return json.loads(ended.stdout)
+    found = json.loads(ended.stdout)
+    del found["generator"]
+    return found
 
 
 def complaint(*arguments):

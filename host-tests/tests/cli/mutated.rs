@@ -295,7 +295,7 @@ fn good() -> Stand {
 /// What an output of this name may take the place of.
 fn replaceable(name: &str) -> &'static str {
     match name.rsplit('/').next() {
-        Some("j.json") => "{}",
+        Some("j.json") => "{\"generator\": \"rotorlead 0\"}",
         Some("r.html") => "<!doctype html>\n<meta name=\"generator\" content=\"rotorlead 0\">\n",
         Some("m.toml") => MODEL,
         Some("c.toml") => "zero_rad_s = 1\n",

@@ -85,7 +85,7 @@ fn two_outputs_have_two_places() {
 fn a_command_that_finds_no_room_leaves_all_outputs_as_they_were() {
     let stand = simulated();
     stand.write("old.toml", crate::stand::MODEL);
-    stand.write("old.json", "{}");
+    stand.write("old.json", r#"{"generator": "rotorlead 0"}"#);
     for (blocks, arguments) in [
         (8, "identify sim --out old.toml --json old.json --figures found"),
         (8, "identify sim --out old.toml --report old.html"),

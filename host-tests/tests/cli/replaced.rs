@@ -15,6 +15,8 @@ fn written() -> Stand {
     stand.run("excite --band 0.1..2 --rate 100 --out commands.csv");
     stand.write("log.csv", LOG);
     stand.write("notes.txt", NOTES);
+    stand.write("package.json", "{\"name\": \"stand\", \"generator\": \"another\", \"warnings\": []}\n");
+    stand.write("list.json", "[1, 2]\n");
     stand
 }
 
@@ -36,9 +38,11 @@ fn what_this_kind_of_output_did_not_write_is_not_replaced() {
         (DESIGN, "plan.toml", "a plan", "a compensator"),
         (DESIGN, "sim/experiment.toml", "the description of an experiment", "a compensator"),
         (REPORT, "log.csv", unknown, "a report"),
-        (REPORT, "values.json", "JSON", "a report"),
-        (JSON, "notes.txt", unknown, "JSON"),
-        (JSON, "page.html", "a report", "JSON"),
+        (REPORT, "values.json", "JSON of this program", "a report"),
+        (JSON, "notes.txt", unknown, "JSON of this program"),
+        (JSON, "page.html", "a report", "JSON of this program"),
+        (JSON, "package.json", unknown, "JSON of this program"),
+        (JSON, "list.json", unknown, "JSON of this program"),
         (EXCITE, "log.csv", unknown, "a table of commands"),
     ] {
         let arguments = command.replace('@', file);
@@ -83,6 +87,30 @@ fn a_file_of_the_same_kind_is_replaced_and_that_is_said() {
 }
 
 #[test]
+fn figures_and_tables_take_the_place_of_their_own_kind_alone() {
+    let stand = written();
+    let draw = "validate sim --model model.toml --figures drawn";
+    stand.run(draw);
+    stand.run(draw);
+    // What has another name stays where it is.
+    stand.write("drawn/notes.csv", LOG);
+    for (file, content, kind) in [
+        ("drawn/validation_in_time_u050_square.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>\n", "a figure"),
+        ("drawn/validation_in_time_u050_square.png", "\u{89}PNG of a camera", "a figure"),
+        ("drawn/validation_in_time_u050_square.csv", LOG, "a table"),
+        ("drawn/validation.csv", LOG, "a table"),
+    ] {
+        let own = std::fs::read(stand.path(file)).unwrap();
+        stand.write(file, content);
+        let said = [file, "of --figures exists", &format!("{kind} would replace it"), "another folder", "--force"];
+        stand.refuses(draw, 1, &said);
+        stand.run(&format!("{draw} --force"));
+        assert!(std::fs::read(stand.path(file)).unwrap() == own, "{file}");
+    }
+    assert_eq!(stand.read("drawn/notes.csv"), LOG);
+}
+
+#[test]
 fn a_dash_is_standard_output_for_json_alone() {
     let stand = written();
     for command in [IDENTIFY, DESIGN, REPORT, EXCITE] {
@@ -99,4 +127,12 @@ fn force_replaces_what_is_there() {
     assert!(stand.read("notes.txt").contains("[[point]]") && !stand.read("plan.toml").contains(&PLAN[..20]));
     // What is read is never written over.
     stand.refuses("validate sim --model model.toml --json model.toml --force", 2, &["written over"]);
+}
+
+#[test]
+fn a_folder_that_is_called_as_no_number_is_one_all_the_same() {
+    let stand = written();
+    std::fs::rename(stand.path("sim"), stand.path("inf")).unwrap();
+    assert!(stand.run("identify inf").contains("rotorlead identify inf --out"));
+    assert!(stand.run("validate inf --model model.toml --figures NaN").contains("Figures in NaN:"));
 }

@@ -15,7 +15,8 @@ use serde::Serialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use super::report_option::this_command;
+use super::replaced::generator;
+use super::report_option::{arguments, this_command};
 
 /// A result with a number that is none, or impossible in its unit.
 #[derive(Debug, Error, Diagnostic)]
@@ -83,15 +84,26 @@ impl Outcome {
 
     /// Refuses a result that holds a number that cannot be: whatever the reason, the rest is not to be trusted either.
     fn check(&self) -> Result<(), Impossible> {
-        let is_none = |word: &str| matches!(word.trim_matches(|c: char| ",;:()%+-".contains(c)), "NaN" | "inf");
+        let typed: Vec<String> = arguments().collect();
+        // What was typed is a name, also where it is called as no number is.
+        let is_typed =
+            |none: &str| typed.iter().any(|word| word.split(|c: char| !c.is_alphanumeric()).any(|part| part == none));
+        let is_none = |word: &str| {
+            let word = word.trim_matches(|c: char| !c.is_alphanumeric());
+            matches!(word, "NaN" | "inf") && !is_typed(word)
+        };
         let mut lines = [&self.text, &self.detail, &self.verdict].into_iter().flat_map(|text| text.lines());
         let line = lines.find(|line| line.split_whitespace().any(is_none)).map(|line| line.trim().to_owned());
         line.or_else(|| impossible("", &self.json)).map_or(Ok(()), |place| Err(Impossible { place }))
     }
 
     fn json_text(&self) -> String {
+        let mut json = self.json.clone();
+        if let Value::Object(keys) = &mut json {
+            keys.insert("generator".to_owned(), generator().into());
+        }
         // JSON itself asks for that of the first 32 controls alone.
-        let text = format!("{:#}\n", self.json);
+        let text = format!("{json:#}\n");
         if !text.contains(is_order) {
             return text;
         }
@@ -233,7 +245,16 @@ pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::painted;
+    use serde_json::Value;
+
+    use super::{Outcome, painted};
+
+    #[test]
+    fn a_number_that_is_none_is_refused_wherever_it_stands_in_the_text() {
+        for (text, is_refused) in [("gain inf N\n", true), ("(NaN, 1)\n", true), ("info in inf.csv\n", false)] {
+            assert_eq!(Outcome::new(text.into(), &Value::Null).check().is_err(), is_refused, "{text}");
+        }
+    }
 
     #[test]
     fn a_remark_is_told_by_its_color_and_nothing_else_is_changed() {

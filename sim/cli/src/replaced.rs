@@ -6,16 +6,23 @@ use std::path::{Path, PathBuf};
 
 use miette::Diagnostic;
 use rotorlead_records::files::TomlFile;
-use serde::de::IgnoredAny;
+use rotorlead_report::is_drawn;
+use serde::Deserialize;
 use thiserror::Error;
 
 const COMMANDS: &str = "a table of commands";
 const COMPENSATOR: &str = "a compensator";
-const JSON: &str = "JSON";
+const FIGURE: &str = "a figure";
+const JSON: &str = "JSON of this program";
 const MODEL: &str = "a model";
 const PLAN: &str = "a plan";
 const REPORT: &str = "a report";
 const STAND: &str = "a stand";
+const TABLE: &str = "a table";
+const UNKNOWN: &str = "of an unknown kind";
+
+/// What a page and JSON say wrote them, before its version.
+const GENERATOR: &str = "rotorlead ";
 
 /// Bytes at the beginning of a file that tell a report and a table: what wrote a page stands in its head.
 const BEGINNING: u64 = 1000;
@@ -23,12 +30,25 @@ const BEGINNING: u64 = 1000;
 /// A file that would be lost.
 #[derive(Debug, Error, Diagnostic)]
 #[error("`{}` of {option} exists and is {found}; {written} would replace it", path.display())]
-#[diagnostic(help("name another file, or give --force to replace it"))]
+#[diagnostic(help("name another {place}, or give --force to replace it"))]
 pub(super) struct Replaced {
     path: PathBuf,
     option: String,
     found: &'static str,
     written: &'static str,
+    /// What the option names.
+    place: &'static str,
+}
+
+/// JSON with what wrote it.
+#[derive(Deserialize)]
+struct Generated {
+    generator: String,
+}
+
+/// What wrote JSON, for [`kind`].
+pub(super) fn generator() -> String {
+    format!("{GENERATOR}{}", env!("CARGO_PKG_VERSION"))
 }
 
 /// Refuses to replace a file that no output of this option of the command can be. A folder is filled by rules of its own.
@@ -43,29 +63,49 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         ("excite", "out") => &[COMMANDS],
         _ => return Ok(()),
     };
-    // What cannot be read is refused as what cannot be written. In an empty file nothing is lost.
-    if !path.is_file() || path.metadata().is_ok_and(|file| file.len() == 0) {
+    if !loses(path) {
         return Ok(());
     }
     let found = kind(path);
     if found.is_some_and(|found| kinds.contains(&found)) {
         return Ok(());
     }
-    let found = found.unwrap_or("of an unknown kind");
-    Err(Replaced { path: path.to_owned(), option: option.to_owned(), found, written: kinds[0] })
+    let found = found.unwrap_or(UNKNOWN);
+    Err(Replaced { path: path.to_owned(), option: option.to_owned(), found, written: kinds[0], place: "file" })
+}
+
+/// Whether something is lost where this is replaced. What cannot be read is refused as what cannot be written.
+fn loses(path: &Path) -> bool {
+    path.is_file() && path.metadata().is_ok_and(|file| file.len() > 0)
+}
+
+/// Refuses to replace a file of the figures' folder: a picture that was not drawn here, or a table of other columns.
+pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), Replaced> {
+    let is_table = path.extension().is_some_and(|end| end == "csv");
+    let is_own = |beginning: String| match is_table {
+        true => beginning.lines().next() == String::from_utf8_lossy(content).lines().next(),
+        false => is_drawn(&beginning),
+    };
+    if !loses(path) || beginning(path).is_ok_and(is_own) {
+        return Ok(());
+    }
+    let (path, option, found) = (path.to_owned(), "--figures".to_owned(), kind(path).unwrap_or(UNKNOWN));
+    Err(Replaced { path, option, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
 }
 
 /// What a file is, where this program writes such files.
 fn kind(path: &Path) -> Option<&'static str> {
     let beginning = beginning(path).ok()?;
-    if beginning.starts_with("<!doctype html>") && beginning.contains(r#"<meta name="generator" content="rotorlead "#) {
+    let mark = format!("<meta name=\"generator\" content=\"{GENERATOR}");
+    if beginning.starts_with("<!doctype html>") && beginning.contains(&mark) {
         return Some(REPORT);
     }
     if beginning.lines().next() == Some("time_s,command") {
         return Some(COMMANDS);
     }
-    let is_json = |file: File| serde_json::from_reader::<_, IgnoredAny>(BufReader::new(file)).is_ok();
-    if beginning.trim_start().starts_with(['{', '[']) && File::open(path).is_ok_and(is_json) {
+    let is_own = |json: Generated| json.generator.starts_with(GENERATOR);
+    let is_json = |file: File| serde_json::from_reader(BufReader::new(file)).is_ok_and(is_own);
+    if beginning.trim_start().starts_with('{') && File::open(path).is_ok_and(is_json) {
         return Some(JSON);
     }
     TomlFile::kind(path)

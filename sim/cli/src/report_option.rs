@@ -11,7 +11,7 @@ use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
 use super::progress;
-use super::replaced::report_at;
+use super::replaced::{check_figure, report_at};
 
 /// Where the report and its figures go.
 #[derive(Args, Debug)]
@@ -30,6 +30,8 @@ pub struct FiguresOption {
     /// where it is not there
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
+    #[arg(from_global)]
+    force: bool,
 }
 
 impl ReportOption {
@@ -79,16 +81,22 @@ impl FiguresOption {
         };
         let drawn: Vec<_> = figures.par_iter().map(draw).collect();
         bar.finish_and_clear();
+        let write = |name: &str, end: &str, content: &[u8]| -> miette::Result<()> {
+            let file = folder.join(format!("{name}.{end}"));
+            if !self.force {
+                check_figure(&file, content)?;
+            }
+            Ok(write_file(&file, content)?)
+        };
         for (figure, drawn) in figures.iter().zip(drawn) {
             let (svg, png): (String, Vec<u8>) = drawn.map_err(|error: FigureError| error)?;
-            let file = |end: &str| folder.join(format!("{}.{end}", figure.name));
-            write_file(&file("svg"), svg.as_bytes())?;
-            write_file(&file("png"), &png)?;
-            write_file(&file("csv"), figure.csv().as_bytes())?;
+            write(&figure.name, "svg", svg.as_bytes())?;
+            write(&figure.name, "png", &png)?;
+            write(&figure.name, "csv", figure.csv().as_bytes())?;
         }
         let tables: Vec<_> = report.sections.iter().flat_map(|section| &section.tables).collect();
         for table in &tables {
-            write_file(&folder.join(format!("{}.csv", table.name)), table.csv().as_bytes())?;
+            write(&table.name, "csv", table.csv().as_bytes())?;
         }
         let listed = |what: &str, names: Vec<&str>| {
             let line = format!("{what} in {}: {}", folder.display(), names.join(", "));

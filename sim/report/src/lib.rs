@@ -4,5 +4,5 @@ mod figure;
 mod html;
 mod markup;
 
-pub use figure::{FigureError, png, svg};
+pub use figure::{FigureError, is_drawn, png, svg};
 pub use html::html;

@@ -15,6 +15,11 @@ use super::drawing::{PX, draw, size};
 
 /// Pixels of the bitmap per pixel of the SVG: sharp on dense screens and in print.
 const SCALE: u32 = 2;
+/// What PNG calls the program that made a picture.
+const KEYWORD: &str = "Software";
+const PROGRAM: &str = "rotorlead";
+/// Both as they stand in the file, before the picture.
+pub(super) const MARK: &str = "Software\0rotorlead";
 
 /// The picture as PNG, twice as large as the SVG.
 ///
@@ -34,6 +39,8 @@ pub fn png(figure: &Figure) -> Result<Vec<u8>, FigureError> {
     encoder.set_color(png::ColorType::Rgb);
     // Twice the size of the best, in a small part of its time.
     encoder.set_compression(png::Compression::Fast);
+    let marked = encoder.add_text_chunk(KEYWORD.to_owned(), PROGRAM.to_owned());
+    marked.map_err(|error| FigureError::drawing(figure, error))?;
     let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&opaque));
     written.map_err(|error| FigureError::drawing(figure, error))?;
     Ok(png)

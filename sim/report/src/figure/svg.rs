@@ -7,6 +7,8 @@ use rotorlead_answer::escape::printable;
 use super::FigureError;
 use super::drawing::{PX, draw, size};
 
+/// What tells a picture of this program, in its head.
+pub(super) const MARK: &str = "<!-- Generator: rotorlead -->";
 /// On a dark page, as an image, it is dark too: lightness turned over, and hues as they were.
 const DARK: &str = "@media (prefers-color-scheme: dark) { svg { filter: invert(0.9) hue-rotate(180deg); } }";
 
@@ -15,7 +17,7 @@ const DARK: &str = "@media (prefers-color-scheme: dark) { svg { filter: invert(0
 /// # Errors
 /// When nothing can be drawn.
 pub fn svg(figure: &Figure) -> Result<String, FigureError> {
-    Ok(drawing(figure)?.replacen(">\n", &format!(">\n<style>{DARK}</style>\n"), 1))
+    Ok(drawing(figure)?.replacen(">\n", &format!(">\n{MARK}\n<style>{DARK}</style>\n"), 1))
 }
 
 /// The same for a page with colors of its own.
