@@ -45,7 +45,7 @@ fn describe(text: &mut String, kind: &Kind) {
 
 fn row(parameter: &Parameter) -> String {
     let null = match (parameter.usage, parameter.null) {
-        (Use::Optional(_), _) => "-".to_owned(),
+        (Use::Optional(_) | Use::Shape(_), _) => "-".to_owned(),
         (_, null) if null.is_nan() => "any".to_owned(),
         (_, null) if null.is_infinite() => "infinity".to_owned(),
         (_, null) => format!("{null}"),
@@ -58,6 +58,7 @@ fn row(parameter: &Parameter) -> String {
     let usage = match parameter.usage {
         Use::Fitted => String::new(),
         Use::Optional(default) => format!("optional, {default} where absent"),
+        Use::Shape(neutral) => format!("shape, {neutral} where absent"),
     };
     let (name, unit, meaning) = (parameter.name, parameter.unit, parameter.meaning);
     format!("| `{name}` | {unit} | {meaning} | {null} | {low} to {high}, {steps} | {usage} |")

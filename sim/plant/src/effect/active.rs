@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead_records::files::Place;
 
-use super::{Catalog, Kind, Linearity, Part};
+use super::{Catalog, Kind, Linearity, Parameter, Part, Use};
 use crate::{Effect, Model, OperatingCurve, OperatingPoint, PlantError, RotorBase};
 
 /// An effect with its values.
@@ -73,12 +73,15 @@ impl ActiveEffect {
         (self.kind.response)(&self.values, point, omega_rad_s)
     }
 
-    /// As the `[[effect]]` of a model file, with the standard errors that are known (NaN or missing: not known).
+    /// As the `[[effect]]` of a model file, with the standard errors that are known (NaN or missing: not known). The catalog's law
+    /// goes without its shape.
     #[must_use]
     pub fn to_effect(&self, std: &[f64]) -> Effect {
+        let is_written = |place: usize, parameter: &Parameter| parameter.usage != Use::Shape(self.values[place]);
         let named = |values: &[f64]| {
-            let names = self.kind.parameters.iter().map(|parameter| parameter.name.to_owned());
-            names.zip(values.iter().copied()).filter(|(_, value)| value.is_finite()).collect()
+            let all = self.kind.parameters.iter().zip(values).enumerate();
+            let written = all.filter(|(place, (parameter, value))| is_written(*place, parameter) && value.is_finite());
+            written.map(|(_, (parameter, value))| (parameter.name.to_owned(), *value)).collect()
         };
         Effect { kind: self.kind.id.to_owned(), parameters: named(&self.values), std: named(std) }
     }

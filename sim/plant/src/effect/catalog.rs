@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use rotorlead_records::files::{Fault, Place, did_you_mean, shown};
 
-use super::{ActiveEffect, Kind, STANDARD, Use};
+use super::{ActiveEffect, Kind, STANDARD};
 use crate::{Effect, Model};
 
 /// Kinds of effects, in the order of the chain.
@@ -75,14 +75,11 @@ impl Catalog {
         }
         let mut values = Vec::with_capacity(kind.parameters.len());
         for parameter in kind.parameters {
-            values.push(match (effect.parameters.get(parameter.name), parameter.usage) {
-                (Some(value), _) => *value,
-                (None, Use::Optional(default)) => default,
-                (None, Use::Fitted) => {
-                    let what = format!("`{}` needs `{}`, {}", kind.id, parameter.name, parameter.meaning);
-                    return Err(place.clone().fault(what, format!("add `{}` to its parameters", parameter.name)));
-                }
-            });
+            let given = effect.parameters.get(parameter.name).copied();
+            values.push(given.or(parameter.default()).ok_or_else(|| {
+                let what = format!("`{}` needs `{}`, {}", kind.id, parameter.name, parameter.meaning);
+                place.clone().fault(what, format!("add `{}` to its parameters", parameter.name))
+            })?);
         }
         Self::check_values(kind, &values, &parameters)?;
         Ok(ActiveEffect::checked(kind, values))

@@ -165,6 +165,8 @@ pub enum Use {
     Fitted,
     /// A refinement: absent it has this value, and a fit leaves it there unless the data can tell.
     Optional(f64),
+    /// Bends the law: absent it has this value, at which the law is the catalog's; a fit finds it only where it is asked to.
+    Shape(f64),
 }
 
 /// Another kind that looks alike.
@@ -177,19 +179,22 @@ pub struct Confusion {
 }
 
 impl Kind {
-    /// The values of an effect that does nothing, optional ones at their defaults; NaN for a parameter without a null value.
+    /// The values of an effect that does nothing, those that may be absent at their defaults; NaN for a parameter without a null
+    /// value.
     #[must_use]
     pub fn null(&self) -> Vec<f64> {
-        let null = |parameter: &Parameter| match parameter.usage {
-            Use::Fitted => parameter.null,
-            Use::Optional(default) => default,
-        };
-        self.parameters.iter().map(null).collect()
+        self.parameters.iter().map(|parameter| parameter.default().unwrap_or(parameter.null)).collect()
     }
 
     /// The parameters that a fit finds, with their places among all.
     pub fn fitted(&self) -> impl Iterator<Item = (usize, &'static Parameter)> {
         self.parameters.iter().enumerate().filter(|(_, parameter)| parameter.usage == Use::Fitted)
+    }
+
+    /// The parameter that bends its law, with its place among all. A kind has one at most.
+    #[must_use]
+    pub fn shape(&self) -> Option<(usize, &'static Parameter)> {
+        self.parameters.iter().enumerate().find(|(_, parameter)| matches!(parameter.usage, Use::Shape(_)))
     }
 
     /// For [`Kind::check`] of kinds whose parameters have nothing to do with each other.
@@ -244,6 +249,15 @@ impl Parameter {
         (self.possible.0.max(-far), self.possible.1.min(far))
     }
 
+    /// The value that it has where it is absent; `None` where a model has to give it.
+    #[must_use]
+    pub fn default(&self) -> Option<f64> {
+        match self.usage {
+            Use::Fitted => None,
+            Use::Optional(default) | Use::Shape(default) => Some(default),
+        }
+    }
+
     /// With another null value than 0.
     pub const fn null(mut self, null: f64) -> Self {
         self.null = null;
@@ -284,6 +298,14 @@ impl Parameter {
     /// May be absent, and then is `default`.
     pub const fn optional(mut self, default: f64) -> Self {
         self.usage = Use::Optional(default);
+        self
+    }
+
+    /// Bends the law, which is the catalog's at `neutral`. The effect is there at any value, so that none is its null value. The
+    /// width of the plausible range is how far, as a rule, actuators are from the catalog's law.
+    pub const fn shape(mut self, neutral: f64) -> Self {
+        self.usage = Use::Shape(neutral);
+        self.null = f64::NAN;
         self
     }
 }

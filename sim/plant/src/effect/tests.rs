@@ -262,7 +262,7 @@ fn next_to_the_null_value_there_is_next_to_no_effect() {
         let near = |part: f64| {
             let (typical, null) = (typical(kind), kind.null());
             let values = typical.values().iter().zip(&null).zip(kind.parameters).map(|((t, n), p)| match p.usage {
-                Use::Optional(_) => *n,
+                Use::Optional(_) | Use::Shape(_) => *n,
                 Use::Fitted if n.is_nan() => *t,
                 Use::Fitted if n.is_infinite() => (t / (part * part)).min(p.possible.1),
                 Use::Fitted => n + part * (t - n),
