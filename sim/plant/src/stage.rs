@@ -133,34 +133,42 @@ pub trait CommandStage: Send {
 /// A stage that puts a level to another one at once, whatever the time: what all of clip, quantize, dead band and play do.
 pub(super) struct Levels<F> {
     next: F,
-    out: f64,
+    held: f64,
+    /// The part of what the input is away from the level that is held which comes out beside it.
+    passing: f64,
     memory: Memory,
 }
 
 impl<F: FnMut(f64, f64) -> f64 + Send> Levels<F> {
     /// `next` gives the output for the output until now and the input. At rest the output until now is the input.
     pub(super) fn new(memory: Memory, next: F) -> Self {
-        Self { next, out: 0.0, memory }
+        Self { next, held: 0.0, passing: 0.0, memory }
+    }
+
+    /// The same with a part of the input that passes beside it.
+    pub(super) fn passing(self, part: f64) -> Self {
+        Self { passing: part, ..self }
+    }
+
+    #[inline]
+    fn output(&mut self, held: f64, input: f64) -> f64 {
+        self.held = (self.next)(held, input);
+        if self.passing == 0.0 { self.held } else { self.held + self.passing * (input - self.held) }
     }
 }
 
 impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
     fn settle(&mut self, level: f64) -> f64 {
-        self.out = (self.next)(level, level);
-        self.out
+        self.output(level, level)
     }
 
     #[inline]
     fn advance(&mut self, _: f64, input: Segment) -> Segment {
-        self.out = (self.next)(self.out, input.level);
-        Segment::constant(self.out, input.until_s)
+        Segment::constant(self.output(self.held, input.level), input.until_s)
     }
 
     fn pass(&mut self, _: f64, inputs: &[Segment], outputs: &mut Vec<Segment>) {
-        let held = |input: &Segment| {
-            self.out = (self.next)(self.out, input.level);
-            Segment::constant(self.out, input.until_s)
-        };
+        let held = |input: &Segment| Segment::constant(self.output(self.held, input.level), input.until_s);
         Segment::join_all(inputs.iter().map(held), outputs);
     }
 
@@ -169,6 +177,6 @@ impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
     }
 
     fn kept(&self, _: f64) -> Option<f64> {
-        Some(self.out)
+        Some(self.held)
     }
 }

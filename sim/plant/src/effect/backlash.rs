@@ -8,10 +8,20 @@ pub static KIND: Kind = Kind {
     id: "backlash",
     title: "backlash",
     site: Site::Command,
-    equation: "v_k = min(max(v_(k-1), u_k - half_width), u_k + half_width)",
-    parameters: &[Parameter::fitted("half_width", "duty", "half the play between the two directions")
-        .possible(0.0, 0.5)
-        .log(0.001, 0.05, &[0.003, 0.01, 0.02])],
+    equation: "p_k = min(max(p_(k-1), u_k - half_width), u_k + half_width), v_k = p_k + compliance (u_k - p_k)",
+    parameters: &[
+        Parameter::fitted("half_width", "duty", "half the play between the two directions").possible(0.0, 0.5).log(
+            0.001,
+            0.05,
+            &[0.003, 0.01, 0.02],
+        ),
+        // Anything from rigid play to one that hardly shows.
+        Parameter::fitted("compliance", "", "part of the motion within the play that comes through")
+            .possible(0.0, 1.0)
+            .linear(0.0, 0.9, &[0.3, 0.6])
+            .smooth()
+            .shape(0.0),
+    ],
     signature: "Small amplitudes lose gain and lag behind, by the same at every frequency. Response against command is a loop \
                 of the play's width that stays however slow the command is.",
     confusions: &[
@@ -33,7 +43,8 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         half_width => {
-            Part::command(Levels::new(Memory::TurningPoints(0.0), move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+            let next = move |held: f64, input: f64| held.clamp(input - half_width, input + half_width);
+            Part::command(Levels::new(Memory::TurningPoints(0.0), next).passing(values[1]))
         }
     },
     response: Kind::unity,
@@ -58,8 +69,12 @@ mod tests {
                 (PI / 2.0 + k.asin() + k * (1.0 - k * k).sqrt()) / PI,
                 -4.0 * b * (a - b) / (PI * a * a),
             );
-            let found = fundamental(&[active(&KIND, &[b])], a);
-            assert!((found - n).norm() < 1e-5, "{b}: {found} for {n}");
+            // What comes through is beside it.
+            for compliance in [0.0, 0.35, 0.9] {
+                let found = fundamental(&[active(&KIND, &[b, compliance])], a);
+                let n = n * (1.0 - compliance) + compliance;
+                assert!((found - n).norm() < 1e-5, "{b}, {compliance}: {found} for {n}");
+            }
         }
     }
 }

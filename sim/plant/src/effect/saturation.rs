@@ -10,7 +10,8 @@ pub static KIND: Kind = Kind {
     id: "saturation",
     title: "saturation of the command",
     site: Site::Command,
-    equation: "v = min(max(u, min), max)",
+    equation: "v = min(max(u, min), max); less than knee away from max v = u - (u - max + knee)^2 / (4 knee), which touches both \
+               straight lines",
     parameters: &[
         Parameter::fitted("max", "duty", "the largest command that has an effect").null(1.0).possible(0.0, 1.0).linear(
             0.4,
@@ -21,6 +22,11 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 1.0)
             .linear(0.0, 0.6, &[0.2])
             .optional(0.0),
+        // Limits of current give way over some percent of the throttle; wider it is the curvature of the whole map.
+        Parameter::fitted("knee", "duty", "on either side of `max`, the range of commands over which the clip bends")
+            .possible(0.0, 0.5)
+            .linear(0.0, 0.03, &[0.005, 0.015])
+            .shape(0.0),
     ],
     signature: "Flat tops of the response. Gain falls and harmonics grow with amplitude, but only where the command passes the \
                 limit: at high nominal commands for a max, at low ones for a min. Below the limit nothing shows.",
@@ -44,22 +50,66 @@ pub static KIND: Kind = Kind {
     search: Search::Limit,
     check: |values| if values[1] < values[0] { Ok(()) } else { Err((1, "is not below `max`")) },
     part: |values, _| {
-        let (max, min) = (values[0], values[1]);
-        match (max, min) {
-            (1.0, 0.0) => Part::Nothing,
-            _ => Part::command(Levels::new(Memory::Seconds(0.0), move |_, input: f64| input.clamp(min, max))),
+        let (max, min, knee) = (values[0], values[1], values[2]);
+        match (max, min, knee) {
+            (1.0, 0.0, 0.0) => Part::Nothing,
+            (_, _, 0.0) => clip(move |input| input.clamp(min, max)),
+            _ => clip(move |input| bent(input, max, knee).0.clamp(min, max)),
         }
     },
     response: |values, point, _| {
-        let inside = values[1] <= point.nominal && point.nominal <= values[0];
-        Complex64::from(f64::from(u8::from(inside)))
+        let (level, slope) = bent(point.nominal, values[0], values[2]);
+        Complex64::from(if values[1] <= level { slope } else { 0.0 })
     },
 };
+
+fn clip(law: impl Fn(f64) -> f64 + Send + 'static) -> Part {
+    Part::command(Levels::new(Memory::Seconds(0.0), move |_, input| law(input)))
+}
+
+/// The level that a command comes to below a bent `max`, and the slope there.
+fn bent(command: f64, max: f64, knee: f64) -> (f64, f64) {
+    let into = command - max + knee;
+    if into <= 0.0 {
+        (command, 1.0)
+    } else if into >= 2.0 * knee {
+        (max, 0.0)
+    } else {
+        (command - into * into / (4.0 * knee), 1.0 - into / (2.0 * knee))
+    }
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{active, fundamental};
+    use crate::testing::{active, after_command_stages, fundamental, point};
+
+    #[test]
+    fn a_knee_takes_its_parabola_off_what_it_clips_and_touches_both_lines() {
+        let (max, knee) = (0.6, 0.02);
+        let effect = [active(&KIND, &[max, 0.1, knee])];
+        let command: Vec<f64> = (0..1000_u32).map(|k| f64::from(k) * 1e-3).collect();
+        let out = after_command_stages(&effect, &command);
+        let clipped = after_command_stages(&[active(&KIND, &[max, 0.1])], &command);
+        for (k, (bent, clip)) in out.iter().zip(&clipped).enumerate() {
+            let is_within = (580..620).contains(&k);
+            assert!(if is_within { bent <= clip } else { (bent - clip).abs() < 1e-15 }, "{k}: {bent} {clip}");
+        }
+        // At the corner a quarter of the knee is off, and an area of knee^2 / 6 in all.
+        assert!((out[600] - (max - 0.25 * knee)).abs() < 1e-12);
+        let area = clipped.iter().zip(&out).map(|(clip, bent)| 1e-3 * (clip - bent)).sum::<f64>();
+        assert!((area / (knee * knee / 6.0) - 1.0).abs() < 5e-3, "{area}");
+        // No step of the slope: it changes by 1 over two knees.
+        let bends = out[200..].windows(3).map(|three| (three[2] - 2.0 * three[1] + three[0]).abs() / 1e-6);
+        let most = bends.fold(0.0, f64::max);
+        assert!((most * 2.0 * knee - 1.0).abs() < 1e-6, "{most}");
+        // Small deviations see the slope: a half at the corner, and all of it ahead of the knee.
+        for (max, slope) in [(0.5, 0.5), (0.51, 0.75), (0.53, 1.0), (0.47, 0.0)] {
+            let effect = active(&KIND, &[max, 0.0, knee]);
+            assert!((effect.response(&point(), 1.0) - slope).norm() < 1e-12, "{max}");
+            assert!((fundamental(&[effect], 1e-4) - slope).norm() < 1e-4, "{max}");
+        }
+    }
 
     #[test]
     fn a_clipped_sine_has_its_describing_function() {

@@ -3,16 +3,24 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::{CommandStage, Memory, Segment};
 
-/// Follows the command at no more than a rate, the same up and down.
+/// Follows the command at no more than a rate.
 pub static KIND: Kind = Kind {
     id: "slew_limit",
     title: "slew-rate limit",
     site: Site::Command,
-    equation: "dv/dt = rate sign(u - v) until v = u",
-    parameters: &[Parameter::fitted("rate_per_s", "duty/s", "the fastest change of the command that is followed")
-        .null(f64::INFINITY)
-        .possible(1e-6, f64::INFINITY)
-        .log(0.1, 300.0, &[0.3, 1.0, 3.0, 10.0, 30.0, 100.0])],
+    equation: "dv/dt = rate_per_s while u is above v, -down_ratio rate_per_s while it is below, until v = u",
+    parameters: &[
+        Parameter::fitted("rate_per_s", "duty/s", "the fastest change of the command upward that is followed")
+            .null(f64::INFINITY)
+            .possible(1e-6, f64::INFINITY)
+            .log(0.1, 300.0, &[0.3, 1.0, 3.0, 10.0, 30.0, 100.0]),
+        // ESCs have a ramp for each direction, mostly of the same order.
+        Parameter::fitted("down_ratio", "", "the fastest change downward over that upward")
+            .possible(1e-3, 1e3)
+            .log(0.3, 3.0, &[0.8, 1.25])
+            .smooth()
+            .shape(1.0),
+    ],
     signature: "Gain falls and phase lags with amplitude times frequency; triangles where sinusoids are due, odd harmonics. \
                 Steps become ramps whose length grows with the step. Small or slow commands pass untouched.",
     confusions: &[
@@ -35,18 +43,25 @@ pub static KIND: Kind = Kind {
     check: Kind::any,
     part: |values, _| match values[0] {
         f64::INFINITY => Part::Nothing,
-        rate_per_s => Part::command(SlewLimit { rate_per_s, at_s: 0.0, level: 0.0, slope_per_s: 0.0 }),
+        up_per_s => Part::command(SlewLimit::new(up_per_s, up_per_s * values[1])),
     },
     response: Kind::unity,
 };
 
 /// Exact: the moment at which it catches up with the command ends a piece.
 struct SlewLimit {
-    rate_per_s: f64,
+    up_per_s: f64,
+    down_per_s: f64,
     /// From here on the output moves in a straight line.
     at_s: f64,
     level: f64,
     slope_per_s: f64,
+}
+
+impl SlewLimit {
+    fn new(up_per_s: f64, down_per_s: f64) -> Self {
+        Self { up_per_s, down_per_s, at_s: 0.0, level: 0.0, slope_per_s: 0.0 }
+    }
 }
 
 impl CommandStage for SlewLimit {
@@ -62,16 +77,18 @@ impl CommandStage for SlewLimit {
         self.at_s = from_s;
         let mut behind = input.level - self.level;
         // The moment of meeting is rounded, and so is what is left of the way then.
-        let rounding = 4.0 * f64::EPSILON * (1.0 + from_s.abs() * (self.rate_per_s + input.slope_per_s.abs()));
+        let fastest_per_s = self.up_per_s.max(self.down_per_s);
+        let rounding = 4.0 * f64::EPSILON * (1.0 + from_s.abs() * (fastest_per_s + input.slope_per_s.abs()));
         if behind.abs() <= rounding {
             self.level = input.level;
-            if input.slope_per_s.abs() <= self.rate_per_s {
+            if (-self.down_per_s..=self.up_per_s).contains(&input.slope_per_s) {
                 self.slope_per_s = input.slope_per_s;
                 return Segment { level: self.level, ..input };
             }
             behind = 0.0;
         }
-        self.slope_per_s = self.rate_per_s.copysign(if behind == 0.0 { input.slope_per_s } else { behind });
+        let is_down = if behind == 0.0 { input.slope_per_s < 0.0 } else { behind < 0.0 };
+        self.slope_per_s = if is_down { -self.down_per_s } else { self.up_per_s };
         let closing_per_s = (self.slope_per_s - input.slope_per_s) * behind.signum();
         let meets_s =
             if behind != 0.0 && closing_per_s > 0.0 { from_s + behind.abs() / closing_per_s } else { f64::INFINITY };
@@ -118,8 +135,28 @@ mod tests {
     }
 
     #[test]
+    fn ramps_down_have_their_own_rate() {
+        // Up 0.2 within 125 ms and down again within 250 ms, and a part of either.
+        let effect = active(&KIND, &[1.6, 0.5]);
+        let command: Vec<f64> = (0..1000).map(|row| if row < 500 { 0.7 } else { 0.5 }).collect();
+        let out = after_command_stages(&[effect], &[vec![0.5], command].concat());
+        for (row, &level) in out[1..].iter().enumerate() {
+            let since_s = (row % 500) as f64 * 1e-3;
+            let exact = if row < 500 { 0.7_f64.min(0.5 + 1.6 * since_s) } else { 0.5_f64.max(0.7 - 0.8 * since_s) };
+            assert!((level - exact).abs() < 1e-12, "row {row}: {level} for {exact}");
+        }
+        // A triangle too fast for it downward, that it meets on the way up and then follows, within two steps of the command.
+        let triangle: Vec<f64> = (0..400_u32).map(|row| 0.5 + 1e-3 * f64::from(100_u32.abs_diff(row))).collect();
+        let out = after_command_stages(&[active(&KIND, &[2.0, 0.25])], &triangle);
+        for (row, &level) in out.iter().enumerate() {
+            let exact = triangle[row].max(0.6 - 0.5e-3 * row as f64);
+            assert!((level - exact).abs() < 2.1e-3, "row {row}: {level} for {exact}");
+        }
+    }
+
+    #[test]
     fn catching_up_with_a_slope_takes_a_number_of_pieces_that_rounding_does_not_multiply() {
-        let mut slew = SlewLimit { rate_per_s: 0.5, at_s: 0.0, level: 0.0, slope_per_s: 0.0 };
+        let mut slew = SlewLimit::new(0.5, 0.5);
         let (mut time_s, mut pieces) = (0.0_f64, 0);
         for row in 1..=1000 {
             let until_s = f64::from(row) * 1e-3;

@@ -50,7 +50,6 @@ pub static KIND: Kind = Kind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::ActiveEffect;
     use crate::testing::{active, step};
 
     #[test]
@@ -61,7 +60,7 @@ mod tests {
                 let t = (row as f64 * 1e-3 - delay_s).max(0.0);
                 assert!((y - (1.0 - (-t / 0.1).exp())).abs() < 1e-12);
             }
-            let slow = ActiveEffect::new(&super::super::slew_limit::KIND, vec![0.7]).unwrap();
+            let slow = active(&super::super::slew_limit::KIND, &[0.7]);
             for (row, y) in step(0.1, 0.3, &[slow, late]).iter().enumerate() {
                 let lagged = |t: f64| if t > 0.0 { t - 0.1 * (1.0 - (-t / 0.1).exp()) } else { 0.0 };
                 let t = row as f64 * 1e-3 - delay_s;
