@@ -417,7 +417,7 @@ impl RotorState {
 
     /// How fast the response moves where the state moves by `slopes`.
     fn output_slope<T: Terms + ?Sized>(&self, terms: &T, slopes: &State) -> f64 {
-        // The bend's slope by a central difference: it is a parabola or nothing, for which that is exact.
+        // The bend's slope by a central difference: exact for a parabola, and off by the square of the width for its cubic term.
         let speed = self.state.speed;
         let anchor = self.base.anchor(speed);
         let width = 1e-3;

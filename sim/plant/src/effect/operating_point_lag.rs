@@ -5,18 +5,29 @@ use crate::{Motion, RotorTerm};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
 const FURTHEST: f64 = 10.0;
+/// The linear part leaves this of the time constant at least.
+const LEAST_PART: f64 = 0.2;
 
 /// A time constant that moves within a record.
 pub static KIND: Kind = Kind {
     id: "operating_point_lag",
     title: "lag that depends on the speed",
     site: Site::Rotor,
-    equation: "tau = tau_nominal (nominal / speed)^exponent, with the speed as the command that would keep it, and the nominal \
-               command (the command in the model's range, for a model that spans one)",
-    parameters: &[Parameter::fitted("exponent", "", "power of the speed in one over the time constant")
-        .possible(-5.0, 5.0)
-        .linear(0.0, 2.5, &[0.5, 1.0])
-        .smooth()],
+    equation: "tau = tau_nominal ((nominal / speed)^exponent - linear (speed / nominal - 1)), with the speed as the command that \
+               would keep it, and the nominal command (the command in the model's range, for a model that spans one); at least \
+               a fifth of what it is without the linear part",
+    parameters: &[
+        Parameter::fitted("exponent", "", "power of the speed in one over the time constant")
+            .possible(-5.0, 5.0)
+            .linear(0.0, 2.5, &[0.5, 1.0])
+            .smooth(),
+        // As wide as the exponent, whose place it may take, and which it may take back.
+        Parameter::fitted("linear", "", "part by which the time constant falls with the speed in a straight line")
+            .possible(-5.0, 5.0)
+            .linear(-2.0, 2.5, &[-0.7, 0.7])
+            .smooth()
+            .shape(0.0),
+    ],
     signature: "The pole moves with the nominal command and within a step: steps up begin slowly, steps down fast, and both by \
                 more the larger they are. Even lines that grow with the square of the amplitude.",
     confusions: &[
@@ -38,21 +49,27 @@ pub static KIND: Kind = Kind {
     shows: Shows::Anywhere,
     search: Search::Values,
     check: Kind::any,
-    part: |values, _| match values[0] {
-        0.0 => Part::Nothing,
-        exponent => Part::rotor(SpeedLag { exponent }),
+    part: |values, _| match (values[0], values[1]) {
+        (0.0, 0.0) => Part::Nothing,
+        (exponent, linear) => Part::rotor(SpeedLag { exponent, linear }),
     },
     response: Kind::unity,
 };
 
 struct SpeedLag {
     exponent: f64,
+    linear: f64,
 }
 
 impl RotorTerm for SpeedLag {
     fn pace(&self, motion: &mut Motion) {
         let relative = (motion.speed / motion.anchor.max(f64::MIN_POSITIVE)).clamp(1.0 / FURTHEST, FURTHEST);
-        motion.rate_per_s *= if self.exponent == 1.0 { relative } else { relative.powf(self.exponent) };
+        let power = if self.exponent == 1.0 { relative } else { relative.powf(self.exponent) };
+        motion.rate_per_s *= power;
+        if self.linear != 0.0 {
+            // The time constant over that of the power alone.
+            motion.rate_per_s /= (1.0 - self.linear * (relative - 1.0) * power).max(LEAST_PART);
+        }
     }
 }
 
@@ -72,5 +89,32 @@ mod tests {
                 assert!((y - 10.0 * (x - 0.5)).abs() < 1e-7, "{d}, row {row}: {y} for {}", 10.0 * (x - 0.5));
             }
         }
+    }
+
+    #[test]
+    fn with_a_linear_tau_alone_a_step_takes_the_time_of_its_integral() {
+        // dt = tau (1 - b (x / n - 1)) dx / (u - x): t / tau = (1 + b - b u / n) ln ((u - n) / (u - x)) + b (x - n) / n.
+        for (d, b) in [(0.1, 1.5), (-0.1, 1.5), (0.2, -0.8)] {
+            let (n, u) = (0.5, 0.5 + d);
+            for (row, &y) in step(d, 0.3, &[active(&KIND, &[0.0, b])]).iter().enumerate() {
+                let x = n + y / 10.0;
+                let time_s = 0.1 * ((1.0 + b - b * u / n) * (d / (u - x)).ln() + b * (x - n) / n);
+                assert!((time_s - row as f64 * 1e-3).abs() < 3e-6, "{d}, {b}, row {row}: {time_s}");
+            }
+        }
+    }
+
+    #[test]
+    fn both_parts_add_up_and_leave_a_fifth_of_the_power() {
+        let rate = |speed: f64, exponent: f64, linear: f64| {
+            let mut motion = Motion { drive: 0.5, speed, anchor: 0.5, rate_per_s: 10.0 };
+            SpeedLag { exponent, linear }.pace(&mut motion);
+            motion.rate_per_s
+        };
+        for speed in [0.4_f64, 0.5, 0.6] {
+            let tau = 0.1 * ((0.5 / speed).powf(1.3) - 0.7 * (speed / 0.5 - 1.0));
+            assert!((rate(speed, 1.3, 0.7) * tau - 1.0).abs() < 1e-12, "{speed}");
+        }
+        assert!((rate(2.0, 1.0, 2.0) / rate(2.0, 1.0, 0.0) - 5.0).abs() < 1e-12);
     }
 }

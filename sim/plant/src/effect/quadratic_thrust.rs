@@ -8,9 +8,9 @@ pub static KIND: Kind = Kind {
     id: "quadratic_thrust",
     title: "curvature of the static map",
     site: Site::Map,
-    equation: "T = T0 + K (d + curvature_per_duty d^2), d the deviation of the command from the nominal one (from the model's \
-               range, for a model that spans one); a part behind_lag of the curvature acts on the speed instead of the command. \
-               Beyond the parabola's vertex the thrust stays",
+    equation: "T = T0 + K (d + curvature_per_duty d^2 + cubic_per_duty2 d^3), d the deviation of the command from the nominal one \
+               (from the model's range, for a model that spans one); a part behind_lag of the curvature, and of the cubic term, acts \
+               on the speed instead of the command. Beyond the first extremum on either side the thrust stays",
     parameters: &[
         Parameter::fitted("curvature_per_duty", "1/duty", "curvature over slope of the static map")
             .possible(-50.0, 50.0)
@@ -19,6 +19,13 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 1.0)
             .linear(0.0, 1.0, &[0.0, 1.0])
             .optional(0.0),
+        // A thrust that is a power 1 to 3 of the command has up to 2 at a nominal command of 0.4; a map that goes over into a
+        // straight line or a limit near the nominal command has ten times that, 7 % of the slope at a deviation of 0.05.
+        Parameter::fitted("cubic_per_duty2", "1/duty^2", "cubic term over slope of the static map")
+            .possible(-1000.0, 1000.0)
+            .linear(-30.0, 30.0, &[-10.0, 10.0])
+            .smooth()
+            .shape(0.0),
     ],
     signature: "Even lines that grow with the square of the amplitude and follow the static map; the mean thrust rises with the \
                 amplitude. The pole is the same at every level and in both directions.",
@@ -44,32 +51,67 @@ pub static KIND: Kind = Kind {
     shows: Shows::Anywhere,
     search: Search::Values,
     check: Kind::any,
-    part: |values, _| match values[0] {
-        0.0 => Part::Nothing,
-        curvature => Part::rotor(Curvature { ahead: curvature * (1.0 - values[1]), behind: curvature * values[1] }),
+    part: |values, _| match (values[0], values[2]) {
+        (0.0, 0.0) => Part::Nothing,
+        (curvature, cubic) => {
+            let bend = |part: f64| Bend::new(curvature * part, cubic * part);
+            Part::rotor(Curvature { ahead: bend(1.0 - values[1]), behind: bend(values[1]) })
+        }
     },
     response: Kind::unity,
 };
 
 struct Curvature {
-    ahead: f64,
-    behind: f64,
+    ahead: Bend,
+    behind: Bend,
 }
 
-/// What the parabola adds to `d`; from its vertex on the sum stays.
-fn bend(curvature: f64, d: f64) -> f64 {
-    let vertex = -0.5 / curvature;
-    let beyond = if curvature > 0.0 { d < vertex } else { d > vertex };
-    if beyond { 0.5 * vertex - d } else { curvature * d * d }
+/// `curvature d^2 + cubic d^3` between the extrema of `d + curvature d^2 + cubic d^3` next to 0, beyond which that sum stays.
+struct Bend {
+    curvature: f64,
+    cubic: f64,
+    /// Where the sum is least on the way down, and greatest on the way up, and what it is there.
+    lowest: (f64, f64),
+    highest: (f64, f64),
+}
+
+impl Bend {
+    fn new(curvature: f64, cubic: f64) -> Self {
+        let mut bend =
+            Self { curvature, cubic, lowest: (f64::NEG_INFINITY, f64::NAN), highest: (f64::INFINITY, f64::NAN) };
+        // Zeros of the slope, 1 + 2 curvature d + 3 cubic d^2, as one over what goes to 0 where there is but one of them.
+        let root = (curvature * curvature - 3.0 * cubic).sqrt();
+        for divisor in [-curvature - root, -curvature + root] {
+            let at = 1.0 / divisor;
+            // There cubic d^2 is -(1 + 2 curvature d) / 3.
+            let stays = if cubic == 0.0 { 0.5 * at } else { at * (2.0 + curvature * at) / 3.0 };
+            if at < 0.0 && at > bend.lowest.0 {
+                bend.lowest = (at, stays);
+            } else if at > 0.0 && at < bend.highest.0 {
+                bend.highest = (at, stays);
+            }
+        }
+        bend
+    }
+
+    fn at(&self, d: f64) -> f64 {
+        if d < self.lowest.0 {
+            self.lowest.1 - d
+        } else if d > self.highest.0 {
+            self.highest.1 - d
+        } else {
+            (self.curvature + self.cubic * d) * d * d
+        }
+    }
 }
 
 impl RotorTerm for Curvature {
     fn bend(&self, deviation: f64) -> f64 {
-        if self.ahead == 0.0 { 0.0 } else { bend(self.ahead, deviation) }
+        self.ahead.at(deviation)
     }
 
     fn bend_behind(&self, deviation: f64) -> f64 {
-        if self.behind == 0.0 { 0.0 } else { bend(self.behind, deviation) }
+        self.behind.at(deviation)
     }
 }
 
@@ -101,6 +143,42 @@ mod tests {
         for c in [6.0, -6.0_f64] {
             let last = |d: f64| step(-d.copysign(c), 2.0, &[active(&KIND, &[c, 0.0])])[1999];
             assert!((last(0.3) - last(0.2)).abs() < 1e-7 && (last(0.3).abs() - 10.0 / 24.0).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_cubic_term_bends_steps_ahead_of_the_lag_and_behind_it() {
+        for (d, c, q) in [(0.1, 0.0, 20.0), (-0.1, 3.0, -9.0), (0.05, -2.0, 30.0)] {
+            let bent = |d: f64| 10.0 * (d + c * d * d + q * d * d * d);
+            let ahead = step(d, 0.5, &[active(&KIND, &[c, 0.0, q])]);
+            let behind = step(d, 0.5, &[active(&KIND, &[c, 1.0, q])]);
+            for (row, (ahead, behind)) in ahead.iter().zip(&behind).enumerate() {
+                let settled = 1.0 - (-(row as f64) * 0.01).exp();
+                assert!((ahead - bent(d) * settled).abs() < 1e-9, "row {row}: {ahead}");
+                assert!((behind - bent(d * settled)).abs() < 1e-9, "row {row}: {behind}");
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_extrema_next_to_the_nominal_command_the_sum_stays() {
+        // On a fine grid from 0 on, with the greatest size that the free sum has before it turns.
+        for (c, q) in [(0.0, -20.0), (3.0, -9.0), (-4.0, 3.0), (4.0, 5.0), (0.0, 25.0), (2.0, 1e-13), (-6.0, 11.0)] {
+            let bend = Bend::new(c, q);
+            let sum = |d: f64| d + bend.at(d);
+            for way in [1e-4, -1e-4] {
+                let (mut most, mut has_turned) = (0.0_f64, false);
+                for k in 1..=5000 {
+                    let d = way * f64::from(k);
+                    let free = d + c * d * d + q * d * d * d;
+                    has_turned |= free.abs() < most - 1e-15;
+                    if !has_turned {
+                        most = free.abs();
+                    }
+                    let expected = if has_turned { most.copysign(way) } else { free };
+                    assert!((sum(d) - expected).abs() < 1e-6, "{c}, {q} at {d}: {} for {expected}", sum(d));
+                }
+            }
         }
     }
 }

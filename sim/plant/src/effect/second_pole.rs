@@ -11,11 +11,19 @@ pub static KIND: Kind = Kind {
     id: "second_pole",
     title: "second pole",
     site: Site::Logger,
-    equation: "1 / (time_constant_s s + 1)",
-    parameters: &[Parameter::fitted("time_constant_s", "s", "time constant of the second lag")
-        .possible(0.0, 10.0)
-        .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])
-        .smooth()],
+    equation: "1 / ((time_constant_s s + 1) (third_ratio time_constant_s s + 1))",
+    parameters: &[
+        Parameter::fitted("time_constant_s", "s", "time constant of the second lag")
+            .possible(0.0, 10.0)
+            .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])
+            .smooth(),
+        // The slower of the two is the second.
+        Parameter::fitted("third_ratio", "", "time constant of a third lag over that of the second")
+            .possible(0.0, 1.0)
+            .linear(0.0, 1.0, &[0.3, 0.8])
+            .smooth()
+            .shape(0.0),
+    ],
     signature: "Above 1 / (2 pi time_constant_s) the response rolls off by 20 dB per decade more and lags by up to 90 degrees \
                 more, the same at every nominal command and amplitude. Steps begin with a curve instead of a corner.",
     confusions: &[
@@ -37,15 +45,19 @@ pub static KIND: Kind = Kind {
     shows: Shows::Anywhere,
     search: Search::Values,
     check: Kind::any,
-    part: |values, _| match values[0] {
-        0.0 => Part::Nothing,
-        time_constant_s => {
-            let rate_per_s = 1.0 / time_constant_s;
-            Part::response(Lowpass { rate_per_s, mode: Mode::new(-rate_per_s) })
-        }
+    part: |values, _| match (values[0], values[1]) {
+        (0.0, _) => Part::Nothing,
+        (second_s, 0.0) => Part::response(Lowpass::new(second_s)),
+        (second_s, ratio) => Part::response(TwoLags::new(second_s, ratio)),
     },
-    response: |values, _, omega_rad_s| Complex64::new(1.0, omega_rad_s * values[0]).inv(),
+    response: |values, _, omega_rad_s| {
+        let x = omega_rad_s * values[0];
+        Complex64::new(1.0, x).inv() * Complex64::new(1.0, values[1] * x).inv()
+    },
 };
+
+/// Lags that are nearer to each other than this part are taken as so far apart: their sum is then rounded by 1e-10.
+const LEAST_APART: f64 = 1e-6;
 
 struct Lowpass {
     rate_per_s: f64,
@@ -53,6 +65,11 @@ struct Lowpass {
 }
 
 impl Lowpass {
+    fn new(time_constant_s: f64) -> Self {
+        let rate_per_s = 1.0 / time_constant_s;
+        Self { rate_per_s, mode: Mode::new(-rate_per_s) }
+    }
+
     fn output(&self) -> f64 {
         self.mode.state() * self.rate_per_s
     }
@@ -82,6 +99,50 @@ impl ResponseStage for Lowpass {
     }
 }
 
+/// Two lags in series, as the sum of two side by side, each of which is exact:
+/// `1 / ((T s + 1) (r T s + 1)) = (1 / (T s + 1) - r / (r T s + 1)) / (1 - r)`.
+struct TwoLags {
+    slow: Lowpass,
+    fast: Lowpass,
+    ratio: f64,
+}
+
+impl TwoLags {
+    fn new(slow_s: f64, ratio: f64) -> Self {
+        let ratio = ratio.min(1.0 - LEAST_APART);
+        Self { slow: Lowpass::new(slow_s), fast: Lowpass::new(ratio * slow_s), ratio }
+    }
+
+    /// The output and its slope.
+    fn output(&self) -> (f64, f64) {
+        let (slow, fast, apart) = (self.slow.output(), self.fast.output(), 1.0 - self.ratio);
+        ((slow - self.ratio * fast) / apart, self.slow.rate_per_s * (fast - slow) / apart)
+    }
+}
+
+impl ResponseStage for TwoLags {
+    fn settle(&mut self, level: f64) -> f64 {
+        self.slow.settle(level);
+        self.fast.settle(level)
+    }
+
+    fn advance(&mut self, signal: &mut Interval) {
+        let (start, start_slope) = self.output();
+        self.slow.mode.advance(signal);
+        self.fast.mode.advance(signal);
+        let (end, end_slope) = self.output();
+        *signal = Interval { start, start_slope, end, end_slope, ..*signal };
+    }
+
+    fn memory(&self) -> Memory {
+        self.slow.memory().and(self.fast.memory())
+    }
+
+    fn time_scale_s(&self) -> f64 {
+        self.fast.time_scale_s()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,5 +157,32 @@ mod tests {
                 assert!((y - exact).abs() < 1e-9, "{t2}, row {row}: {y} for {exact}");
             }
         }
+    }
+
+    #[test]
+    fn a_step_is_that_of_three_lags_in_series() {
+        for (t2, ratio) in [(0.03, 0.5), (0.004, 0.01), (0.02, 0.999), (0.05, 1.0)] {
+            let step = step(0.1, 0.4, &[active(&KIND, &[t2, ratio])]);
+            // Partial fractions; two that are equal are taken a ten-thousandth apart, on either side.
+            let part = if ratio > 0.99 { 1e-4 } else { 0.0 };
+            let (t1, t2, t3) = (0.1, t2 * (1.0 + part), t2 * ratio * (1.0 - part));
+            for (row, y) in step.iter().enumerate() {
+                let t = row as f64 * 1e-3;
+                let of = |a: f64, b: f64, c: f64| a * a * (-t / a).exp() / ((a - b) * (a - c));
+                let exact = 1.0 - of(t1, t2, t3) - of(t2, t1, t3) - of(t3, t1, t2);
+                let tolerance = if ratio > 0.99 { 3e-5 } else { 1e-9 };
+                assert!((y - exact).abs() < tolerance, "{t2}, {t3}, row {row}: {y} for {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_comes_behind_a_third_lag_takes_it_as_it_is() {
+        // A third lag, and the same in a link of its own, ahead of one more.
+        let last = active(&KIND, &[0.02]);
+        let third = step(0.1, 0.4, &[active(&KIND, &[0.03, 0.5]), last.clone()]);
+        let links = step(0.1, 0.4, &[active(&KIND, &[0.03]), active(&KIND, &[0.015]), last]);
+        let worst = third.iter().zip(&links).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-6, "{worst:e}");
     }
 }

@@ -33,8 +33,8 @@ pub static KIND: Kind = Kind {
             .optional(0.0),
         Parameter::fitted("current_exponent", "", "how the current grows with the speed; 3 is a propeller's power")
             .possible(0.5, 4.0)
-            .linear(1.0, 4.0, &[3.0])
-            .optional(3.0),
+            .linear(1.0, 4.0, &[2.0])
+            .shape(3.0),
         Parameter::fitted("open_circuit_v", "V", "voltage without load; 0 where it is not known")
             .possible(0.0, 1000.0)
             .linear(3.0, 60.0, &[16.0])

@@ -37,6 +37,25 @@ fn typical(kind: &'static Kind) -> ActiveEffect {
     ActiveEffect::new(kind, values).unwrap()
 }
 
+/// A kind's typical effect with its shape at a value; `None` where it has none.
+fn shaped(kind: &'static Kind, value: impl Fn(&Parameter) -> f64) -> Option<ActiveEffect> {
+    let (place, parameter) = kind.shape()?;
+    let mut values = typical(kind).values().to_vec();
+    values[place] = value(parameter);
+    Some(ActiveEffect::new(kind, values).unwrap())
+}
+
+/// The typical effects of all kinds, and those that are bent.
+fn typical_and_bent() -> impl Iterator<Item = ActiveEffect> {
+    let bent = |kind| shaped(kind, |shape| shape.starts[0]);
+    Catalog::standard()
+        .kinds()
+        .map(typical)
+        .chain(Catalog::standard().kinds().filter_map(bent))
+        .collect::<Vec<_>>()
+        .into_iter()
+}
+
 /// Null values; where another parameter makes the effect vanish, the first start.
 fn without(kind: &'static Kind) -> ActiveEffect {
     let null = kind.null();
@@ -85,7 +104,7 @@ fn the_response_alone_is_that_of_the_whole_trace() {
     let drive = Drive { time_s: &told_s, command: &command };
     let catalog = Catalog::standard();
     let several = |ids: &[&str]| ids.iter().map(|id| typical(catalog.find(id).unwrap())).collect::<Vec<_>>();
-    let mut chains: Vec<Vec<ActiveEffect>> = catalog.kinds().map(|kind| vec![typical(kind)]).collect();
+    let mut chains: Vec<Vec<ActiveEffect>> = typical_and_bent().map(|effect| vec![effect]).collect();
     chains.push(Vec::new());
     chains.push(several(&["slew_limit", "transport_delay", "second_pole"]));
     chains.push(several(&["dead_band", "transport_delay", "asymmetric_lag", "inflow_lead"]));
@@ -113,7 +132,7 @@ fn what_repeats_is_the_same_whether_run_again_or_not() {
     let command: Vec<f64> = (0..rows.len()).map(level).collect();
     let drive = Drive { time_s: &rows, command: &command };
     let alone = std::iter::once(Vec::new());
-    for effects in alone.chain(Catalog::standard().kinds().map(|kind| vec![typical(kind)])) {
+    for effects in alone.chain(typical_and_bent().map(|effect| vec![effect])) {
         for start in [Start::Rest(0.5), Start::Running { period_s: 8.0, lead_s: 1.0 }] {
             for late_s in [0.0, 0.003, -0.004] {
                 let stamps: Vec<f64> = rows.iter().map(|time_s| time_s - late_s).collect();
@@ -144,9 +163,9 @@ fn levels_that_are_held_for_long_are_left_as_exactly_as_short_ones() {
         let alone = simulate_response(&mut actuator(&effects), drive, Start::Rest(0.5), &rows).unwrap();
         trace.response.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     };
-    for kind in Catalog::standard().kinds() {
-        let worst = apart(typical(kind));
-        assert!(worst < 1e-5, "{}: {worst}", kind.id);
+    for effect in typical_and_bent() {
+        let worst = apart(effect.clone());
+        assert!(worst < 1e-5, "{effect:?}: {worst}");
     }
     // A supply five times as fast as the rotor: steps of half its time constant, and of two and a half where all is settled.
     let sag = Catalog::standard().find("supply_sag").unwrap();
@@ -199,7 +218,12 @@ fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all()
             assert!(parameter.starts.iter().all(|start| (low..=high).contains(start)), "{name}");
             assert!(!parameter.starts.is_empty() && !parameter.meaning.is_empty(), "{name}");
             assert!(parameter.scale == Scale::Linear || low > 0.0, "{name}");
+            if let Use::Shape(neutral) = parameter.usage {
+                assert!((low..=high).contains(&neutral) && !parameter.starts.contains(&neutral), "{name}");
+            }
         }
+        let shapes = kind.parameters.iter().filter(|parameter| matches!(parameter.usage, Use::Shape(_))).count();
+        assert!(shapes == usize::from(kind.shape().is_some()), "{kind:?} has {shapes} shapes");
     }
 }
 
@@ -250,6 +274,63 @@ fn null_values_change_no_digit_and_others_do() {
 }
 
 #[test]
+fn a_neutral_shape_changes_no_digit_and_others_do() {
+    let bits = |effect: &ActiveEffect| {
+        let response = [3, 4].map(|seed| response_to_noise(std::slice::from_ref(effect), seed)).concat();
+        let frequencies = [0.1, 10.0, 300.0].map(|omega| effect.response(&point(), omega));
+        let all = response.into_iter().chain(frequencies.into_iter().flat_map(|at| [at.re, at.im]));
+        all.map(f64::to_bits).collect::<Vec<_>>()
+    };
+    let mut bent = Vec::new();
+    for kind in Catalog::standard().kinds().filter(|kind| kind.shape().is_some()) {
+        // As a model file gives it, and as one that says nothing of it.
+        let mut written = typical(kind).to_effect(&[]);
+        let (name, neutral) = kind.shape().map(|(_, shape)| (shape.name, shape.default().unwrap())).unwrap();
+        assert!(!written.parameters.contains_key(name), "{kind:?}");
+        let resolved = |effect: &Effect| Catalog::standard().resolve(effect, &Place::root()).unwrap();
+        let without = resolved(&written);
+        written.parameters.insert(name.to_owned(), neutral);
+        assert_eq!(bits(&resolved(&written)), bits(&without), "{kind:?}");
+        for &start in kind.shape().unwrap().1.starts {
+            let effect = shaped(kind, |_| start).unwrap();
+            assert_ne!(bits(&effect), bits(&without), "{kind:?}: {start}");
+            assert_eq!(resolved(&effect.to_effect(&[])), effect);
+        }
+        bent.push(kind.id);
+    }
+    let of_families = [
+        "saturation",
+        "dead_band",
+        "backlash",
+        "slew_limit",
+        "supply_sag",
+        "quadratic_thrust",
+        "asymmetric_lag",
+        "operating_point_lag",
+        "second_pole",
+    ];
+    assert_eq!(bent, of_families);
+}
+
+#[test]
+fn next_to_the_neutral_shape_the_law_is_next_to_the_catalogs() {
+    for kind in Catalog::standard().kinds() {
+        let Some(catalogs) = shaped(kind, |shape| shape.default().unwrap()) else { continue };
+        let apart = |part: f64| {
+            let near = |shape: &Parameter| {
+                let neutral = shape.default().unwrap();
+                neutral + part * (shape.starts[0] - neutral)
+            };
+            let effects = [catalogs.clone(), shaped(kind, near).unwrap()];
+            let [one, other] = effects.map(|effect| response_to_noise(&[effect], 7));
+            one.iter().zip(&other).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()))
+        };
+        let (far, near) = (apart(1.0), apart(1e-5));
+        assert!(far > 1e-4 && near < 1e-3 * far, "{kind:?}: {far} {near}");
+    }
+}
+
+#[test]
 fn next_to_the_null_value_there_is_next_to_no_effect() {
     let plain = response_to_noise(&[], 7);
     // Of a response that goes from -5 to 5.
@@ -281,13 +362,15 @@ fn linear_effects_have_the_frequency_response_of_their_simulation() {
         (&parameter_error::KIND, vec![0.2, -0.3]),
         (&transport_delay::KIND, vec![0.004_37]),
         (&second_pole::KIND, vec![0.007]),
+        (&second_pole::KIND, vec![0.007, 0.4]),
         (&inflow_lead::KIND, vec![2.1, 0.006]),
         (&stand_resonance::KIND, vec![0.8, 23.0, 0.05]),
         (&stand_resonance::KIND, vec![-0.5, 14.0, 0.03]),
     ] {
         for omega in [3.0, 40.0, 144.0] {
-            let seen = seen_response(&[active(kind, &values)], omega);
-            let expected = (kind.response)(&values, &point(), omega);
+            let effect = active(kind, &values);
+            let seen = seen_response(std::slice::from_ref(&effect), omega);
+            let expected = effect.response(&point(), omega);
             assert!((seen / expected - 1.0).norm() < 2e-5, "{kind:?} at {omega}: {seen} for {expected}");
             assert_eq!(kind.linearity, Linearity::Exact);
         }
@@ -301,9 +384,12 @@ fn small_signals_see_the_linearized_effect() {
         (&supply_sag::KIND, vec![0.05, 0.8, 0.1, 1.5]),
         (&winding_heating::KIND, vec![0.03, 0.8]),
         (&operating_point_lag::KIND, vec![1.0]),
+        (&operating_point_lag::KIND, vec![1.0, 0.7]),
         (&quadratic_thrust::KIND, vec![4.0]),
         (&quadratic_thrust::KIND, vec![4.0, 1.0]),
+        (&quadratic_thrust::KIND, vec![4.0, 0.5, 20.0]),
         (&slew_limit::KIND, vec![2.0]),
+        (&slew_limit::KIND, vec![2.0, 0.5]),
         (&saturation::KIND, vec![0.7]),
     ] {
         let effect = active(kind, &values);
@@ -456,7 +542,7 @@ fn too_many_effects_on_the_rotor_are_refused() {
 #[test]
 fn the_response_is_smooth_in_parameters_that_move_events() {
     // Central differences at two widths agree, so a fit's derivative is that of a smooth curve.
-    for (kind, values) in [
+    let first = [
         (&transport_delay::KIND, vec![0.004_1]),
         (&slew_limit::KIND, vec![0.9]),
         (&second_pole::KIND, vec![0.006]),
@@ -468,21 +554,29 @@ fn the_response_is_smooth_in_parameters_that_move_events() {
         (&quadratic_thrust::KIND, vec![3.0]),
         (&stand_resonance::KIND, vec![0.7, 19.0, 0.05]),
         (&clock_skew::KIND, vec![700.0]),
-    ] {
+    ];
+    let bent = first.iter().filter_map(|(kind, values)| {
+        let (place, shape) = kind.shape()?;
+        let mut all = active(kind, values).values().to_vec();
+        all[place] = shape.starts[0];
+        Some((*kind, all, place))
+    });
+    let first = first.iter().map(|(kind, values)| (*kind, values.clone(), 0));
+    for (kind, values, place) in first.chain(bent) {
         let derivative = |width: f64| -> Vec<f64> {
             let at = |value: f64| {
                 let mut moved = values.clone();
-                moved[0] = value;
-                step(0.1, 0.4, &[active(kind, &moved)])
+                moved[place] = value;
+                [-0.1, 0.1].map(|height| step(height, 0.4, &[active(kind, &moved)])).concat()
             };
-            let (up, down) = (at(values[0] * (1.0 + width)), at(values[0] * (1.0 - width)));
+            let (up, down) = (at(values[place] * (1.0 + width)), at(values[place] * (1.0 - width)));
             up.iter().zip(down).map(|(a, b)| (a - b) / (2.0 * width)).collect()
         };
         let (wide, narrow) = (derivative(1e-3), derivative(1e-5));
         let size = narrow.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
         // Where an event falls into a row the two differ in that row by up to the kink; no more than one row in a hundred.
         let apart = wide.iter().zip(&narrow).filter(|(a, b)| (*a - *b).abs() > 1e-3 * size).count();
-        assert!(apart <= 4, "{kind:?}: {apart} of {}", wide.len());
+        assert!(apart <= 8, "{kind:?}: {apart} of {}", wide.len());
     }
 }
 
