@@ -66,7 +66,7 @@ mod tests {
 
     use super::*;
     use crate::effect::Parameter;
-    use crate::{Catalog, Effect, Point, Provenance, StaticMap};
+    use crate::{ActiveEffect, Actuator, Catalog, Effect, EscTiming, Law, Point, Provenance, StaticMap};
 
     const MODEL: &str = r#"format = 1
 [[point]]
@@ -120,6 +120,25 @@ command_rate_hz = 5000
         let provenance = model.provenance.unwrap();
         assert_eq!(provenance.output, Output::ThrustN);
         assert_eq!(provenance.records_crc32.as_deref(), Some("cbf43926"));
+    }
+
+    #[test]
+    fn an_effect_may_have_a_shape_and_is_the_catalogs_without() {
+        let passed = |text: &str| {
+            let model = read(text).unwrap();
+            let mut actuator = Actuator::new(&model, Law::LinearAround(0.5), EscTiming::default()).unwrap();
+            // Half of the play, which the command does not take up.
+            let start = actuator.response();
+            actuator.advance(0.505, 10.0);
+            let part = (actuator.response() - start) / (7.1 * 0.005);
+            (ActiveEffect::of_model(&model).unwrap()[0].value("compliance"), part)
+        };
+        let bent = MODEL.replacen("half_width = 0.01 ", "half_width = 0.01, compliance = 0.4 ", 1);
+        let (value, part) = passed(&bent);
+        assert!(value == Some(0.4) && (part - 0.4).abs() < 1e-9, "{value:?}, {part}");
+        assert_eq!(passed(MODEL), (Some(0.0), 0.0));
+        let error = read(&bent.replacen("= 0.4 ", "= 1.4 ", 1)).unwrap_err();
+        assert_report(error, &["model.toml:20:48", "`compliance`", "1.4 is not from 0 to 1", "plausible"]);
     }
 
     #[test]
@@ -258,6 +277,7 @@ command_rate_hz = 5000
             }
             let parameters: BTreeMap<String, f64> = kind
                 .fitted()
+                .chain(kind.shape())
                 .zip(shares)
                 .map(|((_, Parameter { name, plausible: (low, high), .. }), share)| {
                     ((*name).to_owned(), low + share * (high - low))
