@@ -62,13 +62,11 @@ def command(*arguments):
 
 
 def answer(*arguments):
-    """The JSON of a command, which has to succeed, without the mark of what wrote it."""
+    """The JSON of a command, which has to succeed."""
     ended = command(*arguments, "--json", "-")
     if ended.returncode != 0:
         raise AssertionError(f"{arguments}: {ended.stderr}")
-    found = json.loads(ended.stdout)
-    del found["generator"]
-    return found
+    return json.loads(ended.stdout)
 
 
 def complaint(*arguments):

@@ -135,9 +135,11 @@ impl Bench {
         Ok(self.json())
     }
 
-    /// What the last command wrote.
+    /// What the last command wrote, beside the mark of the program.
     fn json(&self) -> Value {
-        serde_json::from_str(&std::fs::read_to_string(self.path("out.json")).unwrap()).unwrap()
+        let mut json: Value = serde_json::from_str(&std::fs::read_to_string(self.path("out.json")).unwrap()).unwrap();
+        json.as_object_mut().unwrap().remove("generator").unwrap();
+        json
     }
 
     fn plan(&self, text: &str) {

@@ -97,22 +97,27 @@ impl Outcome {
         line.or_else(|| impossible("", &self.json)).map_or(Ok(()), |place| Err(Impossible { place }))
     }
 
-    fn json_text(&self) -> String {
+    /// The same in a file, by which it is known as this program's own.
+    fn json_file(&self) -> String {
         let mut json = self.json.clone();
         if let Value::Object(keys) = &mut json {
             keys.insert("generator".to_owned(), generator().into());
         }
-        // JSON itself asks for that of the first 32 controls alone.
-        let text = format!("{json:#}\n");
-        if !text.contains(is_order) {
-            return text;
-        }
-        let escaped = |character: char| match character {
-            order if is_order(order) => format!("\\u{:04x}", u32::from(order)),
-            sign => sign.to_string(),
-        };
-        text.chars().map(escaped).collect()
+        json_text(&json)
     }
+}
+
+fn json_text(json: &Value) -> String {
+    // JSON itself asks for that of the first 32 controls alone.
+    let text = format!("{json:#}\n");
+    if !text.contains(is_order) {
+        return text;
+    }
+    let escaped = |character: char| match character {
+        order if is_order(order) => format!("\\u{:04x}", u32::from(order)),
+        sign => sign.to_string(),
+    };
+    text.chars().map(escaped).collect()
 }
 
 /// The first number that is out of the range of its key, with that.
@@ -175,12 +180,12 @@ impl JsonOption {
     }
 
     fn write(&self, outcome: &Outcome) -> miette::Result<()> {
-        self.file().map_or(Ok(()), |file| Ok(write_file(file, outcome.json_text().as_bytes())?))
+        self.file().map_or(Ok(()), |file| Ok(write_file(file, outcome.json_file().as_bytes())?))
     }
 
     fn print(&self, outcome: &Outcome, verbosity: Verbosity) -> miette::Result<()> {
         if self.json.is_some() && self.file().is_none() {
-            return print_bytes(outcome.json_text().as_bytes());
+            return print_bytes(json_text(&outcome.json).as_bytes());
         }
         let Outcome { text, detail, verdict, .. } = outcome;
         let parts = match verbosity {
