@@ -144,7 +144,10 @@ impl Claims {
             Some(wrong) => {
                 let worst = wrong.into_iter().max_by(|a, b| error_percent(a).total_cmp(&error_percent(b)));
                 if let Some(record) = worst {
-                    self.of_error(experiment, model, record);
+                    // What a model misses of other records than those it was fitted to may be another motor's.
+                    let is_of_them = records.iter().any(|record| record.fitted == Some(true));
+                    let ramp_per_s = if is_of_them { ramp::ramp_per_s(experiment, model) } else { None };
+                    self.of_error(record, ramp_per_s);
                 }
             }
         }
@@ -154,7 +157,7 @@ impl Claims {
         }
         let reason = match records.iter().all(|record| record.fitted.is_some()) {
             true => {
-                "no record was held out that shows its noise: add a second run (`rotorlead import --append`) with role = \"validate\""
+                "no record was held out that shows its noise: add a second run (`rotorlead import --append`) and give it role = \"validate\" in experiment.toml"
             }
             false => {
                 "the model does not say what it was fitted to, so that no record is known to be held out: identify it again"
@@ -164,13 +167,13 @@ impl Claims {
     }
 
     /// Of a record that shows the model to be wrong.
-    fn of_error(&mut self, experiment: &Experiment, model: &Model, record: &RecordValidation) {
+    fn of_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>) {
         let missed = format!(
             "the lag misses {:.1} % of the response of {}, more than its noise",
             error_percent(record),
             record.file
         );
-        if let Some(rate_per_s) = ramp::ramp_per_s(experiment, model) {
+        if let Some(rate_per_s) = ramp_per_s {
             let reason = format!(
                 "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second: that explains most of what the lag \
                  misses. Turn the ramp off"

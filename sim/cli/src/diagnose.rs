@@ -10,7 +10,7 @@ use rotorlead_diagnose::{Diagnosis, Options, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
-use rotorlead_results::diagnosis_answer;
+use rotorlead_results::{diagnosed_model, diagnosis_answer};
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
@@ -69,10 +69,13 @@ impl Diagnose {
         let bar = progress::estimate("diagnosing", STEPS);
         let tick = || progress::step(&bar);
         let options = Options { model: model.as_ref(), catalog: &catalog, progress: &tick };
-        let found = diagnose(&experiment, &options)
+        let mut found = diagnose(&experiment, &options)
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("nothing was diagnosed from `{}`", folder.display()))?;
         bar.finish_and_clear();
+        if self.out_model.is_some() || self.redesign.is_asked() {
+            found.model = diagnosed_model(&experiment, model.as_ref(), &found);
+        }
         let mut answer = diagnosis_answer(&found);
         let (mut written, mut sections) = (String::new(), vec![answer.section()]);
         if let Some(out) = &self.out_model {

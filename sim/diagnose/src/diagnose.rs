@@ -1,11 +1,9 @@
 //! The diagnosis of an experiment, from its records to what is said of them.
 
-use std::collections::BTreeMap;
-
 use rotorlead_identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::effect::Parameter;
-use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point, StaticMap};
+use rotorlead_plant::{ActiveEffect, Catalog, Lag, Model, OperatingCurve, Point, StaticMap};
 use rotorlead_records::Experiment;
 
 use crate::assess::conditions::Conditions;
@@ -364,21 +362,13 @@ fn improved(model: Option<&Model>, likelihood: &Likelihood, fit: &fit::Fit, effe
             point.time_constant_s_std = fit.std(Coordinate::TimeConstant(index)).map(|std| std * base.time_constant_s);
             point
         });
-    let effects = effects.iter().zip(&fit.hypothesis.effects).map(|(named, candidate)| Effect {
-        kind: named.kind.id.to_owned(),
-        parameters: named
-            .kind
-            .parameters
-            .iter()
-            .zip(&candidate.values)
-            .map(|(parameter, value)| (parameter.name.to_owned(), *value))
-            .collect(),
-        std: named
-            .parameters
-            .iter()
-            .filter(|(_, estimate)| estimate.std.is_finite())
-            .map(|(parameter, estimate)| (parameter.name.to_owned(), estimate.std))
-            .collect::<BTreeMap<_, _>>(),
+    let effects = effects.iter().zip(&fit.hypothesis.effects).filter_map(|(named, candidate)| {
+        let mut std = vec![f64::NAN; candidate.values.len()];
+        for (parameter, estimate) in named.parameters.iter().filter(|(_, estimate)| estimate.std.is_finite()) {
+            let place = named.kind.parameters.iter().position(|other| other.name == parameter.name)?;
+            std[place] = estimate.std;
+        }
+        Some(ActiveEffect::new(named.kind, candidate.values.clone()).ok()?.to_effect(&std))
     });
     let (points, static_map) = match (model, &likelihood.data.curve) {
         (Some(model), Some((_, given)))

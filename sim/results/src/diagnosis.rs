@@ -1,13 +1,17 @@
 //! What a diagnosis found.
 
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
+use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
-use rotorlead_identify::Estimate;
-use rotorlead_plant::Point;
+use rotorlead_identify::{Estimate, IdentifyOptions};
 use rotorlead_plant::effect::{Kind, Parameter};
+use rotorlead_plant::{Model, Point, Provenance};
+use rotorlead_records::Experiment;
 use serde_json::json;
+
+use crate::IdentifyResult;
 
 use crate::estimate;
 use crate::figures::diagnosis::diagnosis_figures;
@@ -61,6 +65,23 @@ pub fn found_in_short(found: &Diagnosis) -> String {
         Verdict::PartlyNamed => format!("the diagnosis names {}, and more than noise is left", names(found)),
         Verdict::Unknown => "the diagnosis knows no effect that explains it".to_owned(),
     }
+}
+
+/// The model with what was missing, as a file. Where it comes from and what it was judged to be is that of the lag alone, `given` or
+/// identified: what may be built on a lag does not grow with what else is known to act.
+#[must_use]
+pub fn diagnosed_model(experiment: &Experiment, given: Option<&Model>, found: &Diagnosis) -> Model {
+    let assessed = match given {
+        Some(model) => Some((model.provenance.clone(), assess(experiment, model, NotCompared::default()))),
+        None => IdentifyResult::of(experiment, &IdentifyOptions::default())
+            .ok()
+            .map(|identified| (identified.identification.model.provenance, identified.assessment)),
+    };
+    let with_judgement = |(provenance, assessment): (Option<Provenance>, Assessment)| {
+        let judgement = Some(assessment.diagnosed(&found_in_short(found)).judgement);
+        Some(Provenance { judgement, ..provenance? })
+    };
+    Model { provenance: assessed.and_then(with_judgement), ..found.model.clone() }
 }
 
 fn headline(found: &Diagnosis) -> String {
