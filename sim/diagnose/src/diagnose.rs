@@ -17,11 +17,11 @@ use crate::error::DiagnoseError;
 use crate::estimate::{first_lag, fit};
 use crate::likelihood::hold_delay;
 use crate::likelihood::{InitialCondition, Likelihood};
-use crate::model::candidate::{self, Candidate};
+use crate::model::candidate;
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
 use crate::select::decision::Decision;
-use crate::select::explain::{Explanation, Found, Search};
+use crate::select::explain::{Engine, Explanation, Found, Search};
 use crate::select::prior_model::{self, ParameterMismatch};
 use crate::select::tried::Tried;
 
@@ -71,6 +71,14 @@ pub struct Options<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    diagnose_by(Engine::default(), experiment, options)
+}
+
+/// [`diagnose`] by this engine.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose_by(engine: Engine, experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
     let mut data = Dataset::new(experiment, options.model.is_some())?;
     data.check_fitted()?;
     data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
@@ -80,6 +88,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let Some(mut search) = Search::prepared(&data, &lags, (options.catalog, options.progress), true) else {
         return Err(no_lag);
     };
+    search.engine = engine;
     let explanation = search.explain(&lags).ok_or(no_lag)?;
     let (Explanation { before, mut after, found, tried, weak_evidence, decisions }, mut wrong) = match options.model {
         Some(_) => prior_model::compared(&mut search, &data, &base, explanation)
@@ -332,7 +341,6 @@ fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
 /// The values of an effect with their standard errors.
 fn estimates(likelihood: &Likelihood, fit: &fit::Fit, effect: usize) -> Vec<(&'static Parameter, Estimate)> {
     let candidate = &fit.hypothesis.effects[effect];
-    let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static Parameter)| {
         let slope = candidate::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
@@ -343,7 +351,7 @@ fn estimates(likelihood: &Likelihood, fit: &fit::Fit, effect: usize) -> Vec<(&'s
         };
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
-    searched.map(estimate).collect()
+    candidate.numbers().map(estimate).collect()
 }
 
 /// Columns beside the response in any record.
@@ -447,7 +455,8 @@ mod tests {
     fn shadows_of_what_does_not_matter_reject_nothing() {
         let (likelihood, base) = likelihood(&records(SLOW, 0.05, 1));
         let catalog = Catalog::standard();
-        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search =
+            Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true, engine: Engine::default() };
         let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();
         let tried = search.tries(&before, &[]);
         let rejected = |minor: &mut Vec<MinorEffect>| rejected(&search.likelihood, &before, &tried, minor);

@@ -424,6 +424,13 @@ impl Record {
         shorter
     }
 
+    /// The same with nothing held out.
+    pub fn with_all_fitted(&self) -> Self {
+        let mut all = self.clone();
+        all.segments.iter_mut().for_each(|segment| segment.split = Split::Train);
+        all
+    }
+
     /// Which columns it has beside the response.
     pub fn columns(&self) -> impl Iterator<Item = Column> {
         self.channels

@@ -244,6 +244,20 @@ impl Likelihood {
         Some(Self { weights: weights?, ..self.clone() })
     }
 
+    /// The same records with all that is compared fitted.
+    pub fn of_all(&self) -> Self {
+        let fitted = |weights: &Arc<RecordWeights>| match &**weights {
+            RecordWeights::Plateaus(own) => Arc::new(RecordWeights::Plateaus(own.assigned(|_| Split::Train))),
+            RecordWeights::Periodic(_) => Arc::clone(weights),
+        };
+        let records = self.data.records.iter().map(Record::with_all_fitted).collect();
+        Self {
+            data: Arc::new(self.data.with_records(records)),
+            weights: self.weights.iter().map(fitted).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Some records, the first period of what is fitted of them where they repeat.
     pub fn of_one_period(&self, records: &[&Record]) -> Self {
         let mut weights = self.weights.clone();

@@ -23,6 +23,8 @@ pub(crate) struct Candidate {
     /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
     /// where it is not known.
     pub phases: Vec<f64>,
+    /// Whether its law may be another one than the catalog's: its shape is searched along.
+    pub bends: bool,
     /// Standard deviation of the coordinate of its single value where a profile of the chi-square says it; else infinite.
     pub profiled_std: f64,
 }
@@ -30,7 +32,7 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// An effect whose frames, if it has any, may lie anywhere.
     pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
-        Self { kind, values, phases: Vec::new(), profiled_std: f64::INFINITY }
+        Self { kind, values, phases: Vec::new(), bends: false, profiled_std: f64::INFINITY }
     }
 
     /// Whether the response depends in jumps on its single value.
@@ -70,13 +72,26 @@ impl Candidate {
     /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
     /// is asked for by the value's place.
     pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {
-        Self::searched(self.kind).all(|(index, _)| self.is_value_plausible(index, off(index)))
+        self.numbers().all(|(index, _)| self.is_value_plausible(index, off(index)))
+    }
+
+    /// How far its values lie beyond their plausible ranges, seen from where the effect vanishes: the sum of squares, each in tenths of
+    /// its range in the coordinates of a search.
+    pub fn beyond_range_square(&self) -> f64 {
+        let of_value = |(index, parameter): (usize, &'static Parameter)| {
+            let (low, high) = parameter.plausible;
+            let [at, low, high] = [self.values[index], low, high].map(|value| to_coordinate(parameter, value));
+            let null = to_coordinate(parameter, parameter.null);
+            let above = if null >= high { 0.0 } else { (at - high).max(0.0) };
+            let below = if null <= low { 0.0 } else { (low - at).max(0.0) };
+            ((above + below) / (AT_MOST_OFF * (high - low))).powi(2)
+        };
+        self.numbers().map(of_value).sum()
     }
 
     /// Which value lies beyond its plausible range by more than it may be `off`, in words.
     pub fn beyond_range(&self, off: impl Fn(usize) -> f64) -> Option<String> {
-        let (index, parameter) =
-            Self::searched(self.kind).find(|(index, _)| !self.is_value_plausible(*index, off(*index)))?;
+        let (index, parameter) = self.numbers().find(|(index, _)| !self.is_value_plausible(*index, off(*index)))?;
         let (low, high) = parameter.plausible;
         let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
         Some(format!("plausible range: {} {:.3}{unit}, expected {low} to {high}", parameter.name, self.values[index]))
@@ -103,6 +118,25 @@ impl Candidate {
             Use::Shape(_) => false,
         };
         kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
+    }
+
+    /// Places of the values that a search changes: those of its kind, and its shape where it bends.
+    pub fn numbers(&self) -> impl Iterator<Item = (usize, &'static Parameter)> {
+        Self::searched(self.kind).chain(self.kind.shape().filter(|_| self.bends))
+    }
+
+    /// The same with each shape of which a search starts. None where its kind has none, where it bends already, and where the response
+    /// depends on it in jumps.
+    pub fn bent(&self) -> Vec<Self> {
+        let Some((place, shape)) = self.kind.shape().filter(|_| !self.bends && !self.is_non_smooth()) else {
+            return Vec::new();
+        };
+        let at = |start: &f64| {
+            let mut bent = Self { bends: true, ..self.clone() };
+            bent.values[place] = *start;
+            bent
+        };
+        shape.starts.iter().map(at).filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
     }
 
     /// Where searches of a value start. One that has a sign may have the other one: speed is bent the other way than thrust.

@@ -143,7 +143,7 @@ impl Hypothesis {
             // With known phases the rate of frames is, too: hundreds of frames have to stay where they are. And derivatives say
             // nothing of what the response depends on in jumps.
             if candidate.phases.is_empty() && !candidate.is_non_smooth() {
-                all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
+                all.extend(candidate.numbers().map(|(value, _)| Coordinate::Effect { effect, value }));
             }
         }
         all
@@ -199,6 +199,14 @@ impl Hypothesis {
         let wide = 2.0 * (to_coordinate(parameter, high) - to_coordinate(parameter, low));
         let null = to_coordinate(parameter, parameter.null);
         null.is_finite().then_some((null, wide))
+    }
+
+    /// The plausible range of a coordinate of an effect; nothing for any other.
+    pub fn width(&self, coordinate: Coordinate) -> f64 {
+        let Coordinate::Effect { effect, value } = coordinate else { return 0.0 };
+        let parameter = &self.effects[effect].kind.parameters[value];
+        let (low, high) = parameter.plausible;
+        to_coordinate(parameter, high) - to_coordinate(parameter, low)
     }
 
     /// What was measured less the response, over a whole record. `None` for values that no actuator has.

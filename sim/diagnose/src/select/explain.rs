@@ -88,6 +88,18 @@ pub(crate) struct Search<'a> {
     pub progress: &'a dyn Fn(),
     /// Whether the lags are fitted along.
     pub lags: bool,
+    /// How effects are looked for in records that repeat.
+    pub engine: Engine,
+}
+
+/// How effects are looked for in records that repeat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Engine {
+    /// One after the other, each time the one that scores highest.
+    #[default]
+    Stepwise,
+    /// Sets of kinds and shapes by their evidence: tried out beside the other.
+    Beam,
 }
 
 impl<'a> Search<'a> {
@@ -100,7 +112,7 @@ impl<'a> Search<'a> {
         lags: bool,
     ) -> Option<Self> {
         let data = prepared(data.clone(), base, lags)?;
-        Some(Self { likelihood: Likelihood::unit(Arc::new(data)), catalog, progress, lags })
+        Some(Self { likelihood: Likelihood::unit(Arc::new(data)), catalog, progress, lags, engine: Engine::default() })
     }
 }
 
@@ -113,7 +125,7 @@ impl Search<'_> {
     }
 
     /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
-    fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
+    pub fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
         let left = |fit: &Fit| self.likelihood.excess(&fit.hypothesis, Split::Train);
         if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
     }
@@ -122,6 +134,9 @@ impl Search<'_> {
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
         if self.likelihood.data.has_logs() {
             return self.explain_logs(base);
+        }
+        if self.engine == Engine::Beam {
+            return self.explain_by_beam(base);
         }
         let before = self.settle(base, self.lags)?;
         let noise = self.likelihood.clone();

@@ -2,7 +2,9 @@
 
 pub(crate) mod attempt;
 pub(crate) mod auxiliary;
+mod beam;
 pub(crate) mod decision;
+mod evidence;
 pub(crate) mod explain;
 pub(crate) mod folds;
 pub(crate) mod pair_search;

@@ -79,13 +79,15 @@ mod tests {
     use rotorlead_plant::Catalog;
 
     use super::*;
+    use crate::select::explain::Engine;
     use crate::testing::{likelihood, records};
 
     /// What is found at once in records of a motor with these effects.
     fn found_at_once(effects: &str) -> (Vec<&'static str>, Option<Vec<&'static str>>) {
         let (likelihood, base) = likelihood(&records(effects, 0.05, 1));
         let catalog = Catalog::standard();
-        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search =
+            Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true, engine: Engine::default() };
         let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();
         let tried = search.tries(&before, &[]);
         let alone = tried.iter().map(|tried| tried.kind.id).collect();

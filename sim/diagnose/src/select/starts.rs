@@ -105,6 +105,7 @@ mod tests {
     use rotorlead_records::Experiment;
 
     use super::*;
+    use crate::select::explain::Engine;
     use crate::testing::{likelihood, records};
 
     const CURVED: &str = "[[effect]]\nkind = \"quadratic_thrust\"\nparameters = { curvature_per_duty = 4.0 }\n";
@@ -112,7 +113,8 @@ mod tests {
     fn found(records: &Experiment) -> Vec<(&'static str, f64)> {
         let (likelihood, base) = likelihood(records);
         let catalog = Catalog::standard();
-        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search =
+            Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true, engine: Engine::default() };
         let explanation = search.explain(&Hypothesis::of_lags(base)).unwrap();
         explanation.found.iter().map(|found| (found.kind.id, found.score)).collect()
     }
