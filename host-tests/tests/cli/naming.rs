@@ -56,6 +56,9 @@ fn which_column_is_the_response_is_not_called_as_where_a_file_goes() {
         assert!(stand.read(&format!("{response}/experiment.toml")).contains(&format!("output = \"{response}\"")));
         std::fs::remove_dir_all(stand.path(response)).unwrap();
     }
+    let wrong = stand.command("identify log.csv --excitation step --output model.toml").output().unwrap();
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("where a file goes is said by '--out'"), "{wrong:?}");
     // Where a command for the folder of a log is proposed, it has what was typed.
     stand.run("report log.csv --excitation step --output rpm --no-diagnosis --out report.html");
     let import = "rotorlead import log.csv --excitation step --output rpm --out stand";

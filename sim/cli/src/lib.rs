@@ -45,6 +45,7 @@ use std::io::{Write as _, stdout};
 use std::path::Path;
 
 use clap::builder::UnknownArgumentValueParser;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use rotorlead_answer::words::fit_terminal;
@@ -125,7 +126,7 @@ impl Arguments {
                 outcome::printed(asked.print().and_then(|()| stdout().flush()))?;
                 std::process::exit(Exit::Done.status().into());
             }
-            Err(wrong) => refuse(&wrong),
+            Err(wrong) => refuse(&with_out_for_response(wrong)),
         };
         overwrite_guard::check(&command_line(), &matches)?;
         let arguments = Self::from_arg_matches(&matches).unwrap_or_else(|error| refuse(&error));
@@ -208,6 +209,16 @@ fn with_out_for_output(command: clap::Command) -> clap::Command {
     }
     let parser = UnknownArgumentValueParser::suggest_arg("--out");
     command.arg(Arg::new("output").long("output").value_name("FILE").hide(true).value_parser(parser))
+}
+
+/// Says where a file goes to who wrote it behind `--output`, which once named the response.
+fn with_out_for_response(mut wrong: clap::Error) -> clap::Error {
+    let is_of_response = wrong.get(ContextKind::InvalidArg).is_some_and(|of| of.to_string().starts_with("--response"));
+    if wrong.kind() == ErrorKind::InvalidValue && is_of_response {
+        let tip = "where a file goes is said by '--out'".into();
+        wrong.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip]));
+    }
+    wrong
 }
 
 #[cfg(test)]

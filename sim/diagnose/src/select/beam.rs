@@ -17,6 +17,7 @@ use crate::select::explain::{Explanation, Found, Search};
 use crate::select::policy::{ALIKE, HOPELESS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
 use crate::select::screen::Screened;
 use crate::select::tried::{Tried, complexity_penalty};
+use crate::select::tries::promising;
 use crate::select::weak_evidence;
 
 /// Members of a size that go on to the next, from none on.
@@ -35,7 +36,11 @@ const KEPT: usize = 10;
 /// Noise that changes the chi-square of the best by no more than this part is the same.
 const SAME_NOISE: f64 = 0.02;
 /// Part of the evidence of the best that a kind has to promise to be fitted, by the size of the set that it makes.
-const PROMISED: [f64; MOST_EFFECTS] = [0.0, 0.5, 0.7];
+const PARTS_OF_BEST: [f64; MOST_EFFECTS] = [0.0, 0.5, 0.7];
+/// A name that explains less than this part of what all explain is the shape of a larger one: where more than noise is left, and
+/// where it is not.
+const OF_LAW: f64 = 0.1;
+const OF_NOISE: f64 = 2e-4;
 
 /// A set of kinds with its fit.
 #[derive(Clone, Debug)]
@@ -135,8 +140,8 @@ impl Search<'_> {
             let frontier: Vec<Member> = promising.take(if is_noise { 1 } else { WIDTHS[size - 1] }).cloned().collect();
             for from in frontier {
                 let members = match size {
-                    1 => self.expand(&from, &screened, PROMISED[0]),
-                    _ => self.expand(&from, &self.screened(&from.fit, &from.kinds()), PROMISED[size - 1]),
+                    1 => self.expand(&from, &screened, PARTS_OF_BEST[0]),
+                    _ => self.expand(&from, &self.screened(&from.fit, &from.kinds()), PARTS_OF_BEST[size - 1]),
                 };
                 members.into_iter().for_each(|member| pool.add(member));
             }
@@ -176,47 +181,22 @@ impl Search<'_> {
 
     /// Joint fits of the kinds that promise enough beside `from`.
     fn expand(&self, from: &Member, screened: &[Screened], part: f64) -> Vec<Member> {
-        let gain = |left: f64| 0.5 * (from.fit.chi_square - left);
-        let most = screened.first().map_or(0.0, |best| gain(best.0));
-        let mut kinds: Vec<&'static Kind> = Vec::new();
-        let mut starts: Vec<&Hypothesis> = Vec::new();
-        let mut first: Vec<Member> = Vec::new();
-        for (left, start, kind) in screened {
-            let is_new = !kinds.contains(kind);
-            if gain(*left) < 0.5 * LEAST_SCORE || is_new && kinds.len() >= 3 && gain(*left) < part * most {
-                continue;
-            }
-            let of_kind: Vec<&Candidate> =
-                starts.iter().filter_map(|other| other.effects.last()).filter(|other| other.kind == *kind).collect();
-            let most_starts =
-                if kinds.iter().position(|other| other == kind).unwrap_or(kinds.len()) < 6 { 2 } else { 1 };
-            if of_kind.len() >= most_starts
-                || start.effects.last().is_some_and(|own| of_kind.iter().any(|other| own.is_near(other)))
-            {
-                continue;
-            }
-            if is_new {
-                kinds.push(kind);
-            }
-            starts.push(start);
-            first.extend(fit_in(&self.likelihood, start, self.lags, FIRST).map(|fit| self.member(fit)));
+        let fitted = |start: &Hypothesis, steps: usize| {
             (self.progress)();
+            fit_in(&self.likelihood, start, self.lags, steps).map(|fit| self.member(fit))
+        };
+        let starts = promising(&from.fit, screened, None, part);
+        let mut members: Vec<Member> = starts.iter().filter_map(|(start, _)| fitted(start, FIRST)).collect();
+        members.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let best = members.first().map_or(0.0, |best| best.evidence);
+        for (place, member) in members.iter_mut().enumerate() {
+            if (place < GO_ON || best - member.evidence < APART)
+                && let Some(further) = fitted(&member.fit.hypothesis, NEXT)
+            {
+                *member = further;
+            }
         }
-        first.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        let best = first.first().map_or(0.0, |best| best.evidence);
-        let goes_on = |(place, member): &(usize, Member)| *place < GO_ON || best - member.evidence < APART;
-        first
-            .into_iter()
-            .enumerate()
-            .map(|(place, member)| match goes_on(&(place, member.clone())) {
-                true => {
-                    let next = fit_in(&self.likelihood, &member.fit.hypothesis, self.lags, NEXT);
-                    (self.progress)();
-                    next.map_or(member, |fit| self.member(fit))
-                }
-                false => member,
-            })
-            .collect()
+        members
     }
 
     /// Joint fits with one of the effects bent.
@@ -279,7 +259,7 @@ impl Search<'_> {
             });
             let Some((lost, rest)) = lost.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
             let whole = best.evidence - zero.evidence;
-            let least = if self.is_noise(&best.fit) { LEAST_SCORE + 2e-4 * whole } else { 0.1 * whole };
+            let least = if self.is_noise(&best.fit) { LEAST_SCORE + OF_NOISE * whole } else { OF_LAW * whole };
             if lost >= least {
                 break;
             }

@@ -25,6 +25,10 @@ use crate::propose;
 
 /// The kinds among which one is chosen, about.
 const KINDS: f64 = 16.0;
+/// Added to the diagonal of the information on the lags, in parts of it.
+const RIDGE: f64 = 1e-9;
+/// Rates of frames that can be told apart.
+const RATES: f64 = 200.0;
 
 /// The logarithm of the evidence, but for what all hypotheses of the same records have in common.
 pub(crate) fn evidence(likelihood: &Likelihood, fit: &Fit) -> f64 {
@@ -54,10 +58,9 @@ fn occam(fit: &Fit) -> f64 {
         DMatrix::from_fn(rows.len(), columns.len(), |i, j| fit.information[(rows[i], columns[j])])
     };
     let mut beside = part(&own, &own);
-    let lags = part(&others, &others);
-    let lags = DMatrix::from_fn(others.len(), others.len(), |i, j| {
-        lags[(i, j)] + if i == j { 1e-9 * (1.0 + lags[(i, i)]) } else { 0.0 }
-    });
+    let mut lags = part(&others, &others);
+    // What says nothing at all has no inverse.
+    lags.set_diagonal(&lags.diagonal().map(|own| own + RIDGE * (1.0 + own)));
     if let Some(known) = lags.cholesky() {
         beside -= part(&own, &others) * known.solve(&part(&others, &own));
     }
@@ -71,10 +74,7 @@ fn occam(fit: &Fit) -> f64 {
 fn jumps(likelihood: &Likelihood, effect: &Candidate) -> f64 {
     if !effect.phases.is_empty() {
         // The rate, and a phase for each record.
-        return propose::of(effect.kind).places(effect.kind).max(PLACES).ln() + likelihood.data.records.len() as f64;
+        return propose::of(effect.kind).places(effect.kind).max(RATES).ln() + likelihood.data.records.len() as f64;
     }
     if effect.is_non_smooth() { propose::of(effect.kind).places(effect.kind).ln() + 1.0 } else { 0.0 }
 }
-
-/// Rates of frames that can be told apart.
-const PLACES: f64 = 200.0;

@@ -24,7 +24,7 @@ impl Search<'_> {
     pub fn tries_of(&self, from: &Fit, screened: Vec<Screened>, own: Option<Tried>) -> Vec<Tried> {
         let beside = self.beside(from);
         let mut tried: Vec<Tried> = Vec::new();
-        for (start, kind) in promising(from, screened, own.as_ref()) {
+        for (start, kind) in promising(from, &screened, own.as_ref(), PART_OF_BEST) {
             let Some(fit) = fit_in(&self.likelihood, &start, self.lags, FIRST_STEPS) else { continue };
             let found = self.tried(&beside, (fit, Near::FirstOrder), kind, complexity_penalty(kind));
             match tried.iter_mut().find(|other| other.kind == kind) {
@@ -74,8 +74,14 @@ impl Search<'_> {
     }
 }
 
-/// The starts to search from, of those that were screened, the most promising first.
-fn promising(from: &Fit, screened: Vec<Screened>, own: Option<&Tried>) -> Vec<(Hypothesis, &'static Kind)> {
+/// The starts to search from, of those that were screened, the most promising first: of kinds that promise at least this part of the
+/// best, and of a few in any case.
+pub(crate) fn promising(
+    from: &Fit,
+    screened: &[Screened],
+    own: Option<&Tried>,
+    part_of_best: f64,
+) -> Vec<(Hypothesis, &'static Kind)> {
     // A gain of log likelihood is half of one of the chi-square.
     let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
     let best = own.map_or(best, |own| best.max(2.0 * own.fitted_gain));
@@ -85,13 +91,13 @@ fn promising(from: &Fit, screened: Vec<Screened>, own: Option<&Tried>) -> Vec<(H
     let mut kinds: Vec<&'static Kind> = Vec::new();
     for (left, start, kind) in screened {
         let gain = from.chi_square - left;
-        let is_new = !kinds.contains(&kind);
-        let is_behind = is_new && (kinds.len() >= MOST_FITTED || kinds.len() >= fewest && gain < PART_OF_BEST * best);
+        let is_new = !kinds.contains(kind);
+        let is_behind = is_new && (kinds.len() >= MOST_FITTED || kinds.len() >= fewest && gain < part_of_best * best);
         // What promises much less than has to be there is not searched.
         if gain < 2.0 * PROMISED * LEAST_SCORE || is_behind {
             continue;
         }
-        let of_kind = chosen.iter().filter(|(_, other)| *other == kind).filter_map(|(other, _)| other.effects.last());
+        let of_kind = chosen.iter().filter(|(_, other)| other == kind).filter_map(|(other, _)| other.effects.last());
         let is_known = start.effects.last().is_some_and(|start| of_kind.clone().any(|other| start.is_near(other)));
         if of_kind.count() >= MOST_STARTS || is_known {
             continue;
@@ -99,7 +105,7 @@ fn promising(from: &Fit, screened: Vec<Screened>, own: Option<&Tried>) -> Vec<(H
         if is_new {
             kinds.push(kind);
         }
-        chosen.push((start, kind));
+        chosen.push((start.clone(), kind));
     }
     chosen
 }
