@@ -48,7 +48,7 @@ pub const DEVIATIONS: [Deviation; 12] = [
     Deviation::by(
         "resistive sag 10 %",
         "supply_sag",
-        &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("current_exponent", 3.0)],
+        &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("square_part", 0.0)],
     ),
     Deviation::by("delay 3 ms", "transport_delay", &[("delay_s", 0.003)]),
     Deviation::by("delay 10 ms", "transport_delay", &[("delay_s", 0.010)]),

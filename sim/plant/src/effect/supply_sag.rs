@@ -16,8 +16,8 @@ pub static KIND: Kind = Kind {
     id: "supply_sag",
     title: "sag of the supply",
     site: Site::Supply,
-    equation: "V/V0 = 1 - resistive_drop i - p, polarization_s dp/dt = polarization_drop i - p, i = (speed / 0.5)^current_exponent; \
-               the motor gets u V / V_nominal, with V_nominal the steady voltage at the nominal command (V0 for a model that \
+    equation: "V/V0 = 1 - resistive_drop i - p, polarization_s dp/dt = polarization_drop i - p, i = (1 - square_part) s^3 + square_part s^2, s = \
+               speed / 0.5; the motor gets u V / V_nominal, with V_nominal the steady voltage at the nominal command (V0 for a model that \
                spans a range)",
     parameters: &[
         Parameter::fitted("polarization_drop", "", "the part of the voltage that is slowly lost at a speed of 0.5")
@@ -31,10 +31,10 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 0.5)
             .linear(0.0, 0.2, &[0.0, 0.04])
             .optional(0.0),
-        Parameter::fitted("current_exponent", "", "how the current grows with the speed; 3 is a propeller's power")
-            .possible(0.5, 4.0)
-            .linear(1.0, 4.0, &[2.0])
-            .shape(3.0),
+        Parameter::fitted("square_part", "", "the part of the current that grows with the speed's square; the rest is a propeller's cube")
+            .possible(-3.0, 3.0)
+            .linear(-2.0, 1.5, &[0.7])
+            .shape(0.0),
         Parameter::fitted("open_circuit_v", "V", "voltage without load; 0 where it is not known")
             .possible(0.0, 1000.0)
             .linear(3.0, 60.0, &[16.0])
@@ -79,8 +79,8 @@ pub static KIND: Kind = Kind {
     },
     response: |values, point, omega_rad_s| {
         let sag = SupplySag::new(values, &RotorBase::Linear(*point));
-        // i' / i = n / speed, and at the nominal command speed and drive are one.
-        let slope = sag.exponent * sag.current(point.nominal) / sag.nominal_part;
+        // At the nominal command speed and drive are one.
+        let slope = sag.current_growth(point.nominal) / sag.nominal_part;
         let slow = Complex64::from(sag.slow) / Complex64::new(1.0, omega_rad_s * sag.slow_s);
         let lag = Complex64::new(1.0, omega_rad_s * point.lag.time_constant_s);
         lag / (lag + (slow + sag.resistive) * slope)
@@ -91,7 +91,7 @@ struct SupplySag {
     slow: f64,
     slow_s: f64,
     resistive: f64,
-    exponent: f64,
+    square_part: f64,
     open_circuit_v: f64,
     hover_current_a: f64,
     /// Part of the open-circuit voltage for which the base model holds.
@@ -104,7 +104,7 @@ impl SupplySag {
             slow: values[0],
             slow_s: values[1],
             resistive: values[2],
-            exponent: values[3],
+            square_part: values[3],
             open_circuit_v: values[4],
             hover_current_a: values[5],
             nominal_part: 1.0,
@@ -116,7 +116,13 @@ impl SupplySag {
     /// Current over that at hover.
     fn current(&self, speed: f64) -> f64 {
         let relative = speed.max(0.0) / HOVER;
-        if self.exponent == 3.0 { relative * relative * relative } else { relative.powf(self.exponent) }
+        relative * relative * (relative + self.square_part * (1.0 - relative))
+    }
+
+    /// By how much that grows, in parts of the speed.
+    fn current_growth(&self, speed: f64) -> f64 {
+        let relative = speed.max(0.0) / HOVER;
+        relative * relative * (3.0 * relative + self.square_part * (2.0 - 3.0 * relative))
     }
 
     /// Voltage over that of the open circuit.

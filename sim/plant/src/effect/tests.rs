@@ -404,7 +404,7 @@ fn small_signals_see_the_linearized_effect() {
 
 #[test]
 fn a_sagging_supply_overshoots_and_creeps_to_its_steady_voltage() {
-    let sag = active(&supply_sag::KIND, &[0.1, 1.0, 0.04, 2.0, 16.0, 10.0]);
+    let sag = active(&supply_sag::KIND, &[0.1, 1.0, 0.04, 1.0, 16.0, 10.0]);
     let mut plant = actuator(&[sag]);
     let supply = plant.supply().unwrap();
     // At a speed of 0.5 both drops are there in full, and the nominal response is that of the model.
