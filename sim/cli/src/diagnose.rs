@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_answer::Report;
-use rotorlead_diagnose::{Diagnosis, Engine, Options, diagnose_by, fill_in_esc_commands};
+use rotorlead_diagnose::{Diagnosis, Options, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
@@ -42,31 +42,12 @@ pub struct Diagnose {
     /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
     #[arg(long, value_name = "FILE")]
     out_plan: Option<PathBuf>,
-    /// How effects are looked for in records that repeat
-    #[arg(long, value_enum, hide = true, default_value = "stepwise")]
-    engine: EngineName,
     #[command(flatten)]
     report: ReportOption,
     #[command(flatten)]
     redesign: RedesignArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
-}
-
-/// A way of looking for effects, as it is called on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum EngineName {
-    Stepwise,
-    Beam,
-}
-
-impl EngineName {
-    fn engine(self) -> Engine {
-        match self {
-            Self::Stepwise => Engine::Stepwise,
-            Self::Beam => Engine::Beam,
-        }
-    }
 }
 
 impl Diagnose {
@@ -88,7 +69,7 @@ impl Diagnose {
         let bar = progress::estimate("diagnosing", STEPS);
         let tick = || progress::step(&bar);
         let options = Options { model: model.as_ref(), catalog: &catalog, progress: &tick };
-        let mut found = diagnose_by(self.engine.engine(), &experiment, &options)
+        let mut found = diagnose(&experiment, &options)
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("nothing was diagnosed from `{}`", folder.display()))?;
         bar.finish_and_clear();

@@ -85,8 +85,8 @@ pub(crate) fn timing(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Timing
 fn of_segment(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Scatter> {
     // Frames that do not show make a change wait for anything up to a frame.
     let hidden = hypothesis.effects.iter().filter(|effect| effect.is_hidden_hold()).find_map(frame_s).unwrap_or(0.0);
-    let adjoint = Adjoint::of_split(likelihood, record, hypothesis, 0.5 * hidden, split)?;
-    let changes = changes(record, adjoint.segment);
+    let adjoint = Adjoint::of_split(likelihood, record, hypothesis, split)?;
+    let changes = changes(record, adjoint.segment, hypothesis);
     let isolated_steps = isolated_steps(record, &adjoint, &changes);
     let ups = changes.iter().filter(|change| **change != 0.0).map(|change| *change > 0.0);
     let isolated_steps: Vec<(&IsolatedStep, bool)> =

@@ -55,10 +55,15 @@ pub(crate) fn fit_in(likelihood: &Likelihood, start: &Hypothesis, lags: bool, mo
     fit_of(likelihood, start, start.coordinates(lags), most_steps)
 }
 
-/// [`fit`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
-pub(crate) fn fit_behind(likelihood: &Likelihood, start: &Hypothesis, lags: bool, behind: f64) -> Option<Fit> {
-    let enough = ENOUGH.max(2.0 * behind / MOST_STEPS as f64);
-    search(likelihood, start, start.coordinates(lags), Pace { most_steps: MOST_STEPS, enough })
+/// [`fit_in`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
+pub(crate) fn fit_behind(
+    likelihood: &Likelihood,
+    start: &Hypothesis,
+    lags: bool,
+    (behind, most_steps): (f64, usize),
+) -> Option<Fit> {
+    let enough = ENOUGH.max(2.0 * behind / most_steps as f64);
+    search(likelihood, start, start.coordinates(lags), Pace { most_steps, enough })
 }
 
 /// The same of these coordinates alone.

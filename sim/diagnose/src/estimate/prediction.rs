@@ -16,10 +16,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
 use crate::estimate::fit::Fit;
 use crate::estimate::linearization::{EFFECT_STEP, columns};
-use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::dot;
 
@@ -28,23 +27,8 @@ const INFORMATION_BEFORE: f64 = 1.0;
 /// Steps to where the numbers move end where one promises less than this.
 const ENOUGH: f64 = 1.0;
 
-/// How near it has to be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Near {
-    /// As far as derivatives at the fit say.
-    FirstOrder,
-    /// Where the numbers move to, in a few steps.
-    Moved,
-}
-
-impl Near {
-    fn most_steps(self) -> usize {
-        match self {
-            Self::FirstOrder => 1,
-            Self::Moved => 3,
-        }
-    }
-}
+/// Steps in which the numbers are followed to where they move.
+pub(crate) const STEPS: usize = 3;
 
 /// What one record adds.
 struct Part {
@@ -53,21 +37,11 @@ struct Part {
     products: Vec<(usize, usize, f64)>,
 }
 
-/// Minus twice the log likelihood of what is held out, but for a constant. `None` where the fit is impossible there.
-pub(crate) fn deviance(likelihood: &Likelihood, fit: &Fit, near: Near) -> Option<f64> {
-    let held_out: Vec<&Record> =
-        likelihood.data.records.iter().filter(|record| likelihood.has(record, Split::Holdout)).collect();
-    let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
-        likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
-    };
-    let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
-    deviance_of(&held_out, (fit, near), (white, gain))
-}
-
-/// The same of what `white` makes of these records, the derivative of which by the gain `by_gain` may know.
+/// Minus twice the log likelihood of what `white` makes of these records, but for a constant; the derivative of it by the gain `by_gain`
+/// may know. `None` where the fit is impossible there.
 pub(crate) fn deviance_of(
     unseen: &[&Record],
-    (fit, near): (&Fit, Near),
+    (fit, most_steps): (&Fit, usize),
     (white, by_gain): (
         impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
         impl Fn(&Record, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
@@ -79,7 +53,7 @@ pub(crate) fn deviance_of(
     let begin = DVector::from_iterator(count, fit.coordinates.iter().map(|one| fit.hypothesis.get(*one)));
     let mut best = f64::INFINITY;
     let mut moved = DVector::zeros(count);
-    for _ in 0..near.most_steps() {
+    for _ in 0..most_steps {
         let mut hypothesis = fit.hypothesis.clone();
         for (place, coordinate) in fit.coordinates.iter().enumerate() {
             hypothesis.set(*coordinate, begin[place] + moved[place]);
@@ -127,9 +101,20 @@ mod tests {
     use rotorlead_records::{Excitation, Role};
 
     use super::*;
+    use crate::data::dataset::Split;
     use crate::estimate::settle::settle;
-    use crate::model::hypothesis::Hypothesis;
+    use crate::likelihood::Likelihood;
     use crate::testing::{likelihood, records};
+
+    /// That of what is held out.
+    fn deviance(likelihood: &Likelihood, fit: &Fit, most_steps: usize) -> Option<f64> {
+        let held_out = likelihood.compared(Split::Holdout);
+        let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
+            likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
+        };
+        let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
+        deviance_of(&held_out, (fit, most_steps), (white, gain))
+    }
 
     /// Lags that were fitted to quiet records, beside loud ones that are held out.
     fn of_quiet_records() -> (Likelihood, Fit) {
@@ -145,8 +130,7 @@ mod tests {
     #[test]
     fn what_was_promised_counts_where_the_numbers_cannot_be_followed_farther() {
         let (likelihood, fit) = of_quiet_records();
-        let held_out: Vec<&Record> =
-            likelihood.data.records.iter().filter(|record| likelihood.has(record, Split::Holdout)).collect();
+        let held_out = likelihood.compared(Split::Holdout);
         let near = |hypothesis: &Hypothesis| {
             let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
             lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
@@ -162,12 +146,12 @@ mod tests {
             }
             likelihood.residual(record, hypothesis, Split::Holdout)
         };
-        let promised = deviance(&likelihood, &fit, Near::FirstOrder);
+        let promised = deviance(&likelihood, &fit, 1);
         assert!(promised.is_some());
-        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (white, gain)), promised);
+        assert_eq!(deviance_of(&held_out, (&fit, STEPS), (white, gain)), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (|_, _| None, |_, _, _| None)), None);
+        assert_eq!(deviance_of(&held_out, (&fit, STEPS), (|_, _| None, |_, _, _| None)), None);
     }
 
     #[test]
@@ -181,7 +165,7 @@ mod tests {
         let over_truth = plain(&fit.hypothesis) - plain(&truth);
         assert!(over_truth > 200.0, "{over_truth}");
         // Four numbers that were left open by factors of ten or so cost some units each.
-        let predicted = deviance(&likelihood, &fit, Near::Moved).unwrap() - plain(&truth);
+        let predicted = deviance(&likelihood, &fit, STEPS).unwrap() - plain(&truth);
         assert!((0.0..40.0).contains(&predicted), "{predicted}");
     }
 }

@@ -20,6 +20,8 @@ use crate::model::hypothesis::Hypothesis;
 pub(crate) struct ScoreTest<'a> {
     from: &'a Fit,
     linearization: Linearization,
+    /// The chi-square of the fit.
+    before: f64,
     own: Chain,
     /// In rows; `None` where `own` is as quick.
     in_rows: Option<Chain>,
@@ -57,6 +59,7 @@ impl<'a> ScoreTest<'a> {
     /// Beside `from`. `None` where its derivatives are not defined.
     pub fn new(likelihood: &Likelihood, from: &'a Fit) -> Option<Self> {
         let linearization = from.linearization(likelihood)?;
+        let before = linearization.slope_here(likelihood, &from.hypothesis)?.0;
         let mut quick = from.hypothesis.clone();
         quick.effects.retain(|candidate| !is_slow(candidate));
         let in_rows = match likelihood.data.records.iter().find_map(|record| quick.in_rows(record)) {
@@ -69,7 +72,12 @@ impl<'a> ScoreTest<'a> {
         } else {
             Chain { quick, offsets: Vec::new() }
         };
-        Some(Self { from, linearization, own, in_rows })
+        Some(Self { from, linearization, before, own, in_rows })
+    }
+
+    /// The chi-square of the fit on these records.
+    pub fn before(&self) -> f64 {
+        self.before
     }
 
     /// The sum of squares that is left with one more effect, and all of it moved there. With the misalignment of the fit, or

@@ -1,4 +1,4 @@
-//! A residual run backward through the lag: what each moment of the command had to do with it.
+//! A residual run backward through the chain: what each moment of the command had to do with it.
 //!
 //! With the white residual `z` and the filter `F` from command to white response, the inner product of `z` with the white
 //! response to any signal `x` is `sum x_n g_n`, where `g` is the inverse transform of `conj(F) z`. Signals that are functions of
@@ -25,9 +25,9 @@ pub(crate) struct Adjoint<'a> {
 }
 
 impl<'a> Adjoint<'a> {
-    /// Through the lag of the record behind a delay, of what is fitted or else of what is held out.
-    pub fn of(likelihood: &'a Likelihood, record: &'a Record, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        Self::of_split(likelihood, record, hypothesis, delay_s, record.segments.first()?.split)
+    /// Of what is fitted or else of what is held out.
+    pub fn of(likelihood: &'a Likelihood, record: &'a Record, hypothesis: &Hypothesis) -> Option<Self> {
+        Self::of_split(likelihood, record, hypothesis, record.segments.first()?.split)
     }
 
     /// The same of what is in a split. `None` where nothing is.
@@ -35,19 +35,16 @@ impl<'a> Adjoint<'a> {
         likelihood: &'a Likelihood,
         record: &'a Record,
         hypothesis: &Hypothesis,
-        delay_s: f64,
         split: Split,
     ) -> Option<Self> {
         let (segment, whitening) = likelihood.periodic(record)?.segments(split).next()?;
         let white = likelihood.residual(record, hypothesis, split)?;
         let rows = segment.rows.len();
-        let lag = &hypothesis.base[record.point];
         let weights = whitening.weights();
         // The rate of rows turns an impulse of unit area into its samples.
         let filter = |line: usize| {
             let omega = TAU * line as f64 * record.rate_hz / rows as f64;
-            let response = Complex64::cis(-omega * delay_s) / Complex64::new(1.0, omega * lag.time_constant_s);
-            response * (lag.gain * weights[line] * record.rate_hz)
+            hypothesis.frequency_response(record, omega) * (weights[line] * record.rate_hz)
         };
         let mut g = vec![Complex64::ZERO; rows];
         let mut lags = vec![Complex64::ZERO; rows];
@@ -73,9 +70,13 @@ impl<'a> Adjoint<'a> {
     }
 }
 
-/// The command applied at each row of a segment, and before the first.
-pub(crate) fn applied(record: &Record, segment: &Segment) -> (f64, Vec<f64>) {
-    let at = |row: usize| record.command[row * record.commands_per_row];
+/// The command applied at each row of a segment, and before the first, as the clock of `hypothesis` has it.
+pub(crate) fn applied(record: &Record, segment: &Segment, hypothesis: &Hypothesis) -> (f64, Vec<f64>) {
+    let (clock, last) = (hypothesis.clock(record), record.command.len() - 1);
+    let at = |row: usize| {
+        let place = (clock * row as f64).round() as usize * record.commands_per_row;
+        record.command[place.min(last)]
+    };
     let first = segment.rows.start;
     let before = if first > 0 { at(first - 1) } else { record.nominal };
     (before, segment.rows.clone().map(at).collect())

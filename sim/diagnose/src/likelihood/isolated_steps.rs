@@ -2,6 +2,7 @@
 
 use crate::data::dataset::{Record, Segment};
 use crate::likelihood::adjoint::{Adjoint, applied};
+use crate::model::hypothesis::Hypothesis;
 
 /// A record with no more changes of the command than this has them far between.
 const FEW: usize = 64;
@@ -29,7 +30,7 @@ pub(crate) fn isolated_steps(record: &Record, adjoint: &Adjoint, changes: &[f64]
 }
 
 /// Changes of the command at each row of a segment.
-pub(crate) fn changes(record: &Record, segment: &Segment) -> Vec<f64> {
-    let (mut before, applied) = applied(record, segment);
+pub(crate) fn changes(record: &Record, segment: &Segment, hypothesis: &Hypothesis) -> Vec<f64> {
+    let (mut before, applied) = applied(record, segment, hypothesis);
     applied.into_iter().map(|applied| applied - std::mem::replace(&mut before, applied)).collect()
 }

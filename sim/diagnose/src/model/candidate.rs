@@ -120,6 +120,11 @@ impl Candidate {
         kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
     }
 
+    /// Whether all values that a search changes have coordinates: where an effect vanishes not all do.
+    pub fn has_coordinates(&self) -> bool {
+        self.numbers().all(|(index, parameter)| to_coordinate(parameter, self.values[index]).is_finite())
+    }
+
     /// Places of the values that a search changes: those of its kind, and its shape where it bends.
     pub fn numbers(&self) -> impl Iterator<Item = (usize, &'static Parameter)> {
         Self::searched(self.kind).chain(self.kind.shape().filter(|_| self.bends))
@@ -137,6 +142,39 @@ impl Candidate {
             bent
         };
         shape.starts.iter().map(at).filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
+    }
+
+    /// The same bent, where the response depends in jumps on its value and on its shape: every shape, each with the values that lie up to
+    /// `around` pieces of the plausible range away. Empty for any other.
+    pub fn bent_in_jumps(&self, around: u32) -> Vec<Self> {
+        let Some((place, shape)) = self.kind.shape().filter(|_| !self.bends && self.is_non_smooth()) else {
+            return Vec::new();
+        };
+        let (low, high) = shape.plausible;
+        let values: Vec<Self> = self.around(f64::from(around), around).into_iter().chain([self.clone()]).collect();
+        let at = |k: u32, value: &Self| {
+            let mut bent = Self { bends: true, ..value.clone() };
+            bent.values[place] = low + (high - low) * f64::from(k) / f64::from(shape.pieces);
+            bent
+        };
+        let shapes = (0..=shape.pieces).flat_map(|k| values.iter().map(move |value| at(k, value)));
+        shapes.filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
+    }
+
+    /// Values near those of one that is bent in jumps, `share` of a piece away at most, in so many steps to either side.
+    pub fn beside_in_jumps(&self, share: f64, steps: u32) -> Vec<Self> {
+        let Some((place, shape)) = self.kind.shape() else { return Vec::new() };
+        let piece = (shape.plausible.1 - shape.plausible.0) / f64::from(shape.pieces);
+        let values: Vec<Self> = self.around(share, steps).into_iter().chain([self.clone()]).collect();
+        let steps = steps as i32;
+        let at = |step: i32, value: &Self| {
+            let mut bent = value.clone();
+            bent.bends = true;
+            bent.values[place] = self.values[place] + share * piece * f64::from(step) / f64::from(steps);
+            bent
+        };
+        let all = (-steps..=steps).flat_map(|step| values.iter().map(move |value| at(step, value)));
+        all.filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
     }
 
     /// Where searches of a value start. One that has a sign may have the other one: speed is bent the other way than thrust.

@@ -1,11 +1,12 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
+use num_complex::Complex64;
 use rotorlead_identify::offset_and_start;
 use rotorlead_numerics::sample::mean;
-use rotorlead_plant::effect::{Kind, Site};
+use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
-    simulate_interpolated, simulate_periodic_interpolated, simulate_response,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, RotorBase, Start, Trace,
+    simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
 };
 
 use super::candidate::{Candidate, from_coordinate, to_coordinate};
@@ -119,14 +120,6 @@ impl Hypothesis {
         let mut fewer = self.clone();
         fewer.effects.remove(effect);
         fewer
-    }
-
-    /// The same with one of its effects as the last.
-    pub fn with_last(&self, effect: usize) -> Self {
-        let mut moved = self.clone();
-        let last = moved.effects.remove(effect);
-        moved.effects.push(last);
-        moved
     }
 
     /// What a search changes; the lags only where `lags` says so.
@@ -329,6 +322,33 @@ impl Hypothesis {
         Ok(part)
     }
 
+    fn point(&self, record: &Record, response: f64) -> OperatingPoint {
+        let base = &self.base[record.point];
+        let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
+        OperatingPoint { nominal: record.nominal, lag, response }
+    }
+
+    /// The frequency response of all that is behind the effects on the command, as far as it is linear. Frames make it late by their
+    /// mean wait.
+    pub fn frequency_response(&self, record: &Record, omega_rad_s: f64) -> Complex64 {
+        let point = self.point(record, record.mean_response);
+        let behind = self.effects.iter().filter(|effect| effect.kind.site > Site::Command);
+        behind.fold(point.lag.frequency_response(omega_rad_s), |product, effect| {
+            product * (effect.kind.response)(&effect.values, &point, omega_rad_s)
+        })
+    }
+
+    /// How long a second of the logger is for the controller, seconds.
+    pub fn clock(&self, record: &Record) -> f64 {
+        let base = RotorBase::Linear(self.point(record, record.mean_response));
+        let at_logger = self.effects.iter().filter(|effect| effect.kind.site == Site::Logger);
+        let skew = |effect: &Candidate| match (effect.kind.part)(&effect.values, &base) {
+            Part::Clock { skew } => Some(1.0 + skew),
+            _ => None,
+        };
+        at_logger.filter_map(skew).product()
+    }
+
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
     /// that no actuator has.
     pub fn trace(&self, data: &Dataset, record: &Record) -> Option<Trace> {
@@ -381,8 +401,7 @@ impl Hypothesis {
         response: f64,
     ) -> Result<(Actuator, Start, Vec<f64>), PlantError> {
         let base = &self.base[record.point];
-        let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
-        let point = OperatingPoint { nominal: record.nominal, lag, response };
+        let point = self.point(record, response);
         let mut effects = Vec::with_capacity(self.effects.len());
         for candidate in &self.effects {
             let mut values = candidate.values.clone();

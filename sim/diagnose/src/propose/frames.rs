@@ -67,18 +67,14 @@ struct Spectrum {
 }
 
 /// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
-/// them, where another rate does as well as the best by chance, or where all that they may gain is less than what the hypothesis is `behind` another, in log likelihood.
-pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f64) -> Option<Hypothesis> {
+/// them, or where another rate does as well as the best by chance.
+pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
         return None;
     }
-    let spectra: Vec<Spectrum> = likelihood
-        .data
-        .records
-        .iter()
-        .filter_map(|record| Spectrum::of(likelihood, record, &fit.hypothesis, 0.5 / about_hz))
-        .collect();
+    let spectra: Vec<Spectrum> =
+        likelihood.data.records.iter().filter_map(|record| Spectrum::of(likelihood, record, &fit.hypothesis)).collect();
     // The few changes of a square wave fit frames of many rates, a multisine's many fit one: together they tell.
     let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
     let records = fitted().count();
@@ -90,7 +86,7 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f6
     let peaks = peaks(gain, (low, high), step_hz);
     // What is held out may gain as much again.
     let most = peaks.first()?.0;
-    if most - 2.0 * (records as f64) < LEAST_GAIN || most < behind {
+    if most - 2.0 * (records as f64) < LEAST_GAIN {
         return None;
     }
     // Now with all of the sawtooth and the whole chain.
@@ -203,11 +199,11 @@ fn placed(
 
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
-    fn of(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        let adjoint = Adjoint::of(likelihood, record, hypothesis, delay_s)?;
+    fn of(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Self> {
+        let adjoint = Adjoint::of(likelihood, record, hypothesis)?;
         let segment = adjoint.segment;
         let rows = segment.rows.len();
-        let changes = changes(record, segment);
+        let changes = changes(record, segment, hypothesis);
         let mut product = vec![Complex64::ZERO; FINER * rows];
         for ((product, change), g) in product.iter_mut().zip(&changes).zip(&adjoint.g) {
             *product = Complex64::from(change * g);

@@ -67,8 +67,8 @@ fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candida
         .records
         .par_iter()
         .filter_map(|record| {
-            let adjoint = Adjoint::of(likelihood, record, &fit.hypothesis, 0.0).filter(Adjoint::is_fitted)?;
-            let applied = applied(record, adjoint.segment).1;
+            let adjoint = Adjoint::of(likelihood, record, &fit.hypothesis).filter(Adjoint::is_fitted)?;
+            let applied = applied(record, adjoint.segment, &fit.hypothesis).1;
             // The few levels of a square wave suit every other grid.
             if applied.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
                 return None;

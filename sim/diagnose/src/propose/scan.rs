@@ -58,6 +58,19 @@ impl<'a> Scan<'a> {
         Some(Self { records: records? })
     }
 
+    /// Those of many candidates that leave least, `count` of each record.
+    pub fn least(&self, candidates: &[Candidate], count: usize) -> Vec<Candidate> {
+        let of_record = |(likelihood, score_test): &(Likelihood, ScoreTest)| {
+            let looked = candidates.par_iter().filter_map(|candidate| {
+                score_test.predict(likelihood, candidate, false).map(|(left, _)| (left, candidate))
+            });
+            let mut looked: Vec<(f64, &Candidate)> = looked.collect();
+            looked.sort_by(|a, b| a.0.total_cmp(&b.0));
+            looked.into_iter().take(count).map(|(_, candidate)| candidate.clone()).collect::<Vec<_>>()
+        };
+        self.records.iter().flat_map(of_record).collect()
+    }
+
     /// The lowest valleys of a kind over the plausible range of its value. Empty for kinds without such.
     pub fn valleys(&self, kind: &'static Kind, coarse: u32) -> Vec<Candidate> {
         let pieces = Candidate::searched(kind).map(|(_, parameter)| parameter.pieces).max().unwrap_or(0);

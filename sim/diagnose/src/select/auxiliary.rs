@@ -4,7 +4,7 @@ use num_complex::Complex64;
 
 use crate::data::dataset::Record;
 use crate::estimate::fit::Fit;
-use crate::estimate::prediction::{self, Near};
+use crate::estimate::prediction::{STEPS, deviance_of};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
@@ -26,10 +26,8 @@ pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<
             record.auxiliary_channels.iter().map(|auxiliary| auxiliary.left(&trace)).collect();
         Some(all?.concat())
     };
-    let squares: Option<Vec<f64>> = fits
-        .iter()
-        .map(|fit| prediction::deviance_of(&auxiliary_gains, (fit, Near::Moved), (left, |_, _, _| None)))
-        .collect();
+    let squares: Option<Vec<f64>> =
+        fits.iter().map(|fit| deviance_of(&auxiliary_gains, (fit, STEPS), (left, |_, _, _| None))).collect();
     (!auxiliary_gains.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
 }
 

@@ -5,42 +5,52 @@
 //! alone. All members are compared under one noise; where what does not repeat is an effect's, the noise is taken once more from what
 //! the best member leaves, and all follow.
 
+use rayon::prelude::*;
 use rotorlead_plant::effect::Kind;
 
 use super::evidence::evidence;
 use crate::data::dataset::Split;
-use crate::estimate::fit::{Fit, fit, fit_in};
+use crate::estimate::fit::{Fit, fit, fit_behind, fit_in};
+use crate::estimate::frame_rate;
 use crate::estimate::profile::profile_non_smooth;
+use crate::likelihood::{InitialCondition, Likelihood, hold_delay};
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
-use crate::select::explain::{Explanation, Found, Search};
+use crate::propose::frames;
+use crate::propose::scan::Scan;
+use crate::select::explain::{Explanation, Search};
 use crate::select::policy::{ALIKE, HOPELESS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
-use crate::select::screen::Screened;
+use crate::select::screen::{Look, Screened, promising};
 use crate::select::tried::{Tried, complexity_penalty};
-use crate::select::tries::promising;
 use crate::select::weak_evidence;
 
 /// Members of a size that go on to the next, from none on.
 const WIDTHS: [usize; MOST_EFFECTS] = [1, 4, 2];
-/// Steps of a first joint fit, those of one that goes on, and how many do.
+/// Steps of a first joint fit, and those of one that goes on.
 const FIRST: usize = 3;
 const NEXT: usize = 12;
-const GO_ON: usize = 5;
+/// What a fit that goes on has to catch up with at least, in log evidence: less makes no difference.
+const CATCH_UP: f64 = 3.0;
 /// Members of a size that are fitted to the end, and of one kind that are bent.
 const FINISHED: usize = 3;
 const BENT: usize = 4;
+/// Values that are tried with every shape where a response depends in jumps on both, in pieces to either side, and how many of them are
+/// looked at on all records.
+const PIECES_AROUND: u32 = 20;
+const SHAPES: usize = 12;
+/// How much nearer it is looked around the best of them, in pieces, and in how many steps to either side.
+const NEARER: [f64; 2] = [0.8, 0.2];
+const NEARER_STEPS: u32 = 3;
 /// What is behind by more than this does not catch up by a better fit.
 const APART: f64 = 3.0 * ALIKE;
+/// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
+const ALL_ALIKE: f64 = -3.0;
 /// Members that are fitted again when the noise changes.
 const KEPT: usize = 10;
 /// Noise that changes the chi-square of the best by no more than this part is the same.
 const SAME_NOISE: f64 = 0.02;
 /// Part of the evidence of the best that a kind has to promise to be fitted, by the size of the set that it makes.
 const PARTS_OF_BEST: [f64; MOST_EFFECTS] = [0.0, 0.5, 0.7];
-/// A name that explains less than this part of what all explain is the shape of a larger one: where more than noise is left, and
-/// where it is not.
-const OF_LAW: f64 = 0.1;
-const OF_NOISE: f64 = 2e-4;
 
 /// A set of kinds with its fit.
 #[derive(Clone, Debug)]
@@ -50,27 +60,37 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    fn kinds(&self) -> Vec<&'static Kind> {
+    /// Its kinds, sorted.
+    pub fn kinds(&self) -> Vec<&'static Kind> {
         let mut kinds: Vec<&'static Kind> = self.fit.hypothesis.effects.iter().map(|effect| effect.kind).collect();
         kinds.sort_by_key(|kind| kind.id);
         kinds
     }
 
     /// Whether no value lies farther from where its effect vanishes than any actuator is plausible to have it.
-    fn is_plausible(&self) -> bool {
+    pub fn is_plausible(&self) -> bool {
         self.fit.hypothesis.effects.iter().all(|effect| effect.beyond_range_square() < 1.0)
     }
 
-    fn size(&self) -> usize {
+    /// How many.
+    pub fn size(&self) -> usize {
         self.fit.hypothesis.effects.len()
     }
 }
 
 /// The best member of each set.
 #[derive(Clone, Debug, Default)]
-struct Pool(Vec<Member>);
+pub(crate) struct Pool(Vec<Member>);
 
 impl Pool {
+    /// Puts a member in the place of that of the same kinds.
+    fn replace(&mut self, member: Member) {
+        let kinds = member.kinds();
+        self.0.retain(|other| other.kinds() != kinds);
+        self.add(member);
+    }
+
+    /// Adds a member, unless there is a better one of the same kinds.
     fn add(&mut self, member: Member) {
         let kinds = member.kinds();
         match self.0.iter_mut().find(|other| other.kinds() == kinds) {
@@ -81,42 +101,53 @@ impl Pool {
         self.0.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     }
 
+    /// All of them, the best first.
+    pub fn members(&self) -> &[Member] {
+        &self.0
+    }
+
+    /// Those of so many kinds, the best first.
     fn of_size(&self, size: usize) -> impl Iterator<Item = &Member> {
         self.0.iter().filter(move |member| member.size() == size)
     }
 
-    fn of(&self, kinds: &[&'static Kind]) -> Option<&Member> {
+    /// That of these kinds, sorted as [`Member::kinds`].
+    pub fn of(&self, kinds: &[&'static Kind]) -> Option<&Member> {
         self.0.iter().find(|member| member.kinds() == kinds)
     }
 }
 
 impl Search<'_> {
-    fn member(&self, fit: Fit) -> Member {
+    pub fn member(&self, fit: Fit) -> Member {
         Member { evidence: evidence(&self.likelihood, &fit), fit }
     }
 
-    /// Finds the effects.
-    pub fn explain_by_beam(&mut self, base: &Hypothesis) -> Option<Explanation> {
+    /// The same on other records.
+    pub fn on(&self, likelihood: Likelihood) -> Self {
+        Self { likelihood, ..*self }
+    }
+
+    /// Finds the effects in records that repeat: in all of them, and then their values in what is fitted alone, so that what is held out
+    /// judges them.
+    pub fn explain_periodic(&mut self, base: &Hypothesis) -> Option<Explanation> {
         let before = self.settle(base, self.lags)?;
-        let mut all = Search {
-            likelihood: self.likelihood.of_all(),
-            catalog: self.catalog,
-            progress: self.progress,
-            lags: self.lags,
-            engine: self.engine,
-        };
+        let mut all = self.on(self.likelihood.of_all());
         let (pool, screened) = all.beam(&before.hypothesis)?;
         let zero = pool.of(&[])?;
-        let chosen = all.choose(&pool, zero);
-        let promised = weak_evidence::promised(&zero.fit, &screened);
         let tried: Vec<Tried> = pool.of_size(1).filter_map(|one| tried(zero, one)).collect();
-        let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
-        let found = all.found(&pool, chosen);
+        let weak_evidence = weak_evidence::weak_evidence(weak_evidence::promised(&zero.fit, &screened), &tried);
+        let (mut chosen, mut found) = all.chosen(&pool)?;
+        if found.is_empty()
+            && let Some((fit, named)) = all.explain_starts(&chosen)
+        {
+            (chosen, found) = (fit, named);
+            self.likelihood.initial_condition = InitialCondition::Steady;
+        }
         let after = match found.is_empty() {
             true => before.clone(),
             false => {
-                self.likelihood = self.likelihood.weighed(&chosen.fit.hypothesis);
-                let settled = self.settle(&chosen.fit.hypothesis, self.lags)?;
+                self.likelihood = self.likelihood.weighed(&chosen.hypothesis);
+                let settled = self.settle(&chosen.hypothesis, self.lags)?;
                 profile_non_smooth(&self.likelihood, settled)?
             }
         };
@@ -124,7 +155,7 @@ impl Search<'_> {
     }
 
     /// The members that were tried, and what was promised beside the lags alone.
-    fn beam(&mut self, lags: &Hypothesis) -> Option<(Pool, Vec<Screened>)> {
+    pub fn beam(&mut self, lags: &Hypothesis) -> Option<(Pool, Vec<Screened>)> {
         let zero = self.member(fit(&self.likelihood, lags, self.lags)?);
         let screened = self.screened(&zero.fit, &[]);
         let (mut pool, mut best) = (Pool::default(), zero.clone());
@@ -145,11 +176,10 @@ impl Search<'_> {
                 };
                 members.into_iter().for_each(|member| pool.add(member));
             }
-            for better in self.finished(&pool, size) {
-                pool.add(better);
-            }
-            let Some(top) = pool.of_size(size).next().cloned() else { break };
-            pool = self.weighed_again(pool, &top)?;
+            // Noise that is an effect's hides what the law of another is off by.
+            pool = self.weighed_by_best(pool, size)?;
+            self.finish(&mut pool, size);
+            pool = self.weighed_by_best(pool, size)?;
             let (Some(top), Some(before)) = (pool.of_size(size).next(), pool.of_size(size - 1).next()) else { break };
             if top.evidence - before.evidence < LEAST_SCORE {
                 break;
@@ -159,48 +189,65 @@ impl Search<'_> {
         Some((pool, screened))
     }
 
-    /// The best members of a size fitted to the end; bent where the best of them that is plausible leaves more than noise.
-    fn finished(&self, pool: &Pool, size: usize) -> Vec<Member> {
-        let Some(best) = pool.of_size(size).next() else { return Vec::new() };
-        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < APART);
+    /// Fits the best members of a size to the end, and bends them where the best of them that is plausible leaves more than noise.
+    fn finish(&self, pool: &mut Pool, size: usize) {
+        let Some(best) = pool.of_size(size).next() else { return };
+        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < ALIKE);
         let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
-        let mut finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.framed_member(fit)).collect();
+        let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
         let explains = finished.iter().find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit));
+        let mut bent = Vec::new();
         if !explains {
             let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
             let half = 0.5 * (best.evidence + zero);
             let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
-            finished.extend(bending.flat_map(|one| self.bent(one)));
+            for one in bending {
+                let behind = best.evidence - one.evidence;
+                bent.extend(self.bent(one, behind));
+                bent.extend((0..size).filter_map(|place| self.bent_in_jumps(one, place, behind)));
+            }
         }
-        finished
+        finished.into_iter().for_each(|member| pool.replace(member));
+        bent.into_iter().for_each(|member| pool.add(member));
     }
 
-    fn is_noise(&self, fit: &Fit) -> bool {
+    /// Whether a fit leaves nothing but noise.
+    pub fn is_noise(&self, fit: &Fit) -> bool {
         self.likelihood.excess(&fit.hypothesis, Split::Train).is_surely_noise()
+    }
+
+    /// A joint fit that goes on, for what is `behind` the best.
+    fn further(&self, start: &Hypothesis, behind: f64) -> Option<Member> {
+        (self.progress)();
+        let pace = (behind.max(0.0) + CATCH_UP, NEXT);
+        fit_behind(&self.likelihood, start, self.lags, pace).map(|fit| self.member(fit))
     }
 
     /// Joint fits of the kinds that promise enough beside `from`.
     fn expand(&self, from: &Member, screened: &[Screened], part: f64) -> Vec<Member> {
-        let fitted = |start: &Hypothesis, steps: usize| {
+        let first = |start: &Hypothesis| {
             (self.progress)();
-            fit_in(&self.likelihood, start, self.lags, steps).map(|fit| self.member(fit))
+            fit_in(&self.likelihood, start, self.lags, FIRST).map(|fit| self.member(fit))
         };
-        let starts = promising(&from.fit, screened, None, part);
-        let mut members: Vec<Member> = starts.iter().filter_map(|(start, _)| fitted(start, FIRST)).collect();
+        let starts = promising(&from.fit, screened, part);
+        let mut members: Vec<Member> = starts.iter().filter_map(|(start, _)| first(start)).collect();
         members.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        let best = members.first().map_or(0.0, |best| best.evidence);
+        let go_on = WIDTHS.get(from.size() + 1).copied().unwrap_or(1);
+        let mut best = members.first().map_or(0.0, |best| best.evidence);
         for (place, member) in members.iter_mut().enumerate() {
-            if (place < GO_ON || best - member.evidence < APART)
-                && let Some(further) = fitted(&member.fit.hypothesis, NEXT)
+            let behind = best - member.evidence;
+            if (place < go_on || behind < APART)
+                && let Some(further) = self.further(&member.fit.hypothesis, behind)
             {
                 *member = further;
+                best = best.max(member.evidence);
             }
         }
         members
     }
 
     /// Joint fits with one of the effects bent.
-    fn bent(&self, member: &Member) -> Vec<Member> {
+    fn bent(&self, member: &Member, behind: f64) -> Vec<Member> {
         let effects = &member.fit.hypothesis.effects;
         let starts = effects
             .iter()
@@ -210,22 +257,59 @@ impl Search<'_> {
             .filter_map(|(place, bent)| {
                 let mut start = member.fit.hypothesis.clone();
                 start.effects[place] = bent;
-                (self.progress)();
-                fit_in(&self.likelihood, &start, self.lags, NEXT).map(|fit| self.member(fit))
+                self.further(&start, behind)
             })
             .collect()
     }
 
-    /// The better of a fit and the same with the frames of its hold where the records show them.
-    fn framed_member(&self, fit: Fit) -> Member {
-        let mean = self.member(fit);
-        let hidden = mean.fit.hypothesis.effects.iter().position(Candidate::is_hidden_hold);
-        let framed = hidden.and_then(|hold| self.framed(&mean.fit, hold, 0.0)).map(|fit| self.member(fit));
-        framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean)
+    /// The best fit with an effect bent on which the response depends in jumps: of all shapes, each with the values near its own, those
+    /// that one record speaks for, and then nearer and nearer on all of them.
+    fn bent_in_jumps(&self, member: &Member, place: usize, behind: f64) -> Option<Member> {
+        let hypothesis = &member.fit.hypothesis;
+        let bent = hypothesis.effects[place].bent_in_jumps(PIECES_AROUND);
+        if bent.is_empty() {
+            return None;
+        }
+        let rest = fit_in(&self.likelihood, &hypothesis.without(place), self.lags, FIRST)?;
+        let scan = Scan::new(&self.likelihood, &rest)?;
+        let look = Look::new(&self.likelihood, &rest)?;
+        (self.progress)();
+        let best_of = |candidates: Vec<Candidate>| {
+            let looked = candidates.into_par_iter().filter_map(|candidate| look.at(candidate, false));
+            looked.min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut best = best_of(scan.least(&bent, SHAPES))?;
+        for share in NEARER {
+            (self.progress)();
+            best = best_of(best.1.beside_in_jumps(share, NEARER_STEPS))?;
+        }
+        self.further(&best.2, behind)
     }
 
-    /// The members under the noise that `best` leaves.
-    fn weighed_again(&mut self, pool: Pool, best: &Member) -> Option<Pool> {
+    /// A member fitted to the end: with the frames of its hold where the records show them, and impossible where they would show them and
+    /// do not.
+    fn finished_member(&self, fit: Fit) -> Member {
+        let mean = self.member(fit);
+        let Some(hold) = mean.fit.hypothesis.effects.iter().position(Candidate::is_hidden_hold) else { return mean };
+        let waits = hold_delay::evidence(&self.likelihood, &mean.fit.hypothesis, Split::Train);
+        // Where single changes wait alike there are no frames to be found.
+        let framed = if waits > ALL_ALIKE { self.framed(&mean.fit, hold) } else { None }.map(|fit| self.member(fit));
+        let found = framed.as_ref().map(|framed| framed.fit.chi_square);
+        let is_missed = frames::are_missed(&self.likelihood, &mean.fit, hold, found);
+        let best = framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean);
+        if is_missed { Member { evidence: f64::NEG_INFINITY, ..best } } else { best }
+    }
+
+    /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show them.
+    fn framed(&self, mean: &Fit, effect: usize) -> Option<Fit> {
+        let framed = frames::find(&self.likelihood, mean, effect)?;
+        let framed = fit(&self.likelihood, &framed, self.lags)?;
+        fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
+    }
+
+    /// The members under the noise that the best of a size leaves.
+    fn weighed_by_best(&mut self, pool: Pool, size: usize) -> Option<Pool> {
+        let Some(best) = pool.of_size(size).next() else { return Some(pool) };
         let weighed = self.likelihood.weighed(&best.fit.hypothesis);
         let chi_square = weighed.chi_square(&best.fit.hypothesis, Split::Train)?;
         if (chi_square / best.fit.chi_square - 1.0).abs() < SAME_NOISE {
@@ -241,70 +325,6 @@ impl Search<'_> {
             }
         }
         Some(again)
-    }
-
-    /// The fewest names within chance of the best, each of which explains more than what another's law may be off by.
-    fn choose<'a>(&self, pool: &'a Pool, zero: &'a Member) -> &'a Member {
-        let plausible = || pool.0.iter().filter(|one| one.is_plausible());
-        let top = plausible().next().map_or(zero.evidence, |best| best.evidence);
-        let mut near: Vec<&Member> = plausible().filter(|one| one.evidence >= top - LEAST_SCORE).collect();
-        near.sort_by_key(|one| one.size());
-        let mut best = near.first().copied().unwrap_or(zero);
-        while best.size() > 1 {
-            let kinds = best.kinds();
-            let lost = kinds.iter().filter_map(|kind| {
-                let rest: Vec<&'static Kind> = kinds.iter().copied().filter(|other| other != kind).collect();
-                let rest = pool.of(&rest)?;
-                Some((best.evidence - rest.evidence, rest))
-            });
-            let Some((lost, rest)) = lost.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            let whole = best.evidence - zero.evidence;
-            let least = if self.is_noise(&best.fit) { LEAST_SCORE + OF_NOISE * whole } else { OF_LAW * whole };
-            if lost >= least {
-                break;
-            }
-            best = rest;
-        }
-        // A hold whose frames do not show is, by all that is known, a delay.
-        let delay = self.catalog.find("transport_delay");
-        if let (Some(hold), Some(delay)) = (best.fit.hypothesis.effects.iter().find(|one| one.is_hidden_hold()), delay)
-        {
-            let mut same: Vec<&'static Kind> =
-                best.kinds().into_iter().map(|kind| if kind == hold.kind { delay } else { kind }).collect();
-            same.sort_by_key(|kind| kind.id);
-            if let Some(same) = pool.of(&same).filter(|same| best.evidence - same.evidence < ALIKE) {
-                return same;
-            }
-        }
-        best
-    }
-
-    /// The kinds of the chosen member, with what each is worth and what would do as well.
-    fn found(&self, pool: &Pool, chosen: &Member) -> Vec<Found> {
-        let kinds = chosen.kinds();
-        chosen
-            .fit
-            .hypothesis
-            .effects
-            .iter()
-            .map(|effect| {
-                let rest: Vec<&'static Kind> = kinds.iter().copied().filter(|other| *other != effect.kind).collect();
-                let without = pool.of(&rest).map_or(f64::NEG_INFINITY, |rest| rest.evidence);
-                let stands_in = |other: &&Member| {
-                    other.size() == chosen.size()
-                        && chosen.evidence - other.evidence < ALIKE
-                        && rest.iter().all(|kind| other.kinds().contains(kind))
-                };
-                let others = pool.0.iter().filter(stands_in).flat_map(|other| {
-                    other.kinds().into_iter().filter(|kind| !kinds.contains(kind)).collect::<Vec<_>>()
-                });
-                Found {
-                    kind: effect.kind,
-                    score: (chosen.evidence - without).min(1e12),
-                    alternatives: others.collect(),
-                }
-            })
-            .collect()
     }
 }
 
@@ -326,14 +346,13 @@ mod tests {
     use rotorlead_plant::Catalog;
 
     use super::*;
-    use crate::select::explain::Engine;
     use crate::testing::{likelihood, records};
 
     /// What is found in records of a motor with these effects.
     fn found(effects: &str) -> Vec<Candidate> {
         let (likelihood, base) = likelihood(&records(effects, 0.05, 1));
         let catalog = Catalog::standard();
-        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true, engine: Engine::Beam };
+        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
         let explanation = search.explain(&Hypothesis::of_lags(base)).unwrap();
         assert_eq!(explanation.found.len(), explanation.after.hypothesis.effects.len());
         explanation.after.hypothesis.effects

@@ -76,5 +76,9 @@ fn jumps(likelihood: &Likelihood, effect: &Candidate) -> f64 {
         // The rate, and a phase for each record.
         return propose::of(effect.kind).places(effect.kind).max(RATES).ln() + likelihood.data.records.len() as f64;
     }
-    if effect.is_non_smooth() { propose::of(effect.kind).places(effect.kind).ln() + 1.0 } else { 0.0 }
+    if !effect.is_non_smooth() {
+        return 0.0;
+    }
+    let shapes = effect.kind.shape().filter(|_| effect.bends).map_or(1.0, |(_, shape)| f64::from(shape.pieces));
+    (propose::of(effect.kind).places(effect.kind) * shapes).ln() + 1.0
 }

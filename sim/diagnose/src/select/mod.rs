@@ -1,20 +1,16 @@
-//! Which effects the records ask for: stepwise forward selection with backward elimination.
+//! Which effects the records ask for: a beam over sets of kinds, by their evidence, and the choice of the set that is named.
 
-pub(crate) mod attempt;
 pub(crate) mod auxiliary;
 mod beam;
+mod choose;
 pub(crate) mod decision;
 mod evidence;
 pub(crate) mod explain;
 pub(crate) mod folds;
-pub(crate) mod pair_search;
 pub(crate) mod plateau_search;
 pub(crate) mod policy;
 pub(crate) mod prior_model;
-pub(crate) mod review;
 pub(crate) mod screen;
 pub(crate) mod starts;
-pub(crate) mod step;
 pub(crate) mod tried;
-pub(crate) mod tries;
 pub(crate) mod weak_evidence;

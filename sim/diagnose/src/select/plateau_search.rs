@@ -14,7 +14,6 @@ use crate::assess::gap::gaps;
 use crate::assess::lateness::LOGGER_ROWS;
 use crate::data::dataset::{Dataset, Record, Split};
 use crate::estimate::fit::{Fit, fit_in};
-use crate::estimate::score_test::ScoreTest;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
@@ -24,6 +23,7 @@ use crate::select::explain::{Explanation, Found, Search};
 use crate::select::policy::{
     ALIKE, FIRST_STEPS, LAST_STEPS, LEAST_SCORE_IN_LOGS, MOST_EFFECTS, MOST_FINISHED, parsimony_rank,
 };
+use crate::select::screen::Look;
 use crate::select::tried::{Tried, by_score, complexity_penalty};
 
 impl Dataset {
@@ -197,12 +197,12 @@ impl Search<'_> {
     /// Kinds that were tried beside `from` to the end, best first, and what the others gained on what is fitted.
     fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> (Vec<Tried>, Vec<(&'static Kind, f64)>) {
         let nothing = || (Vec::new(), Vec::new());
-        let Some(score_test) = ScoreTest::new(&self.likelihood, from) else { return nothing() };
+        let Some(look) = Look::new(&self.likelihood, from) else { return nothing() };
         let Some(scan) = Scan::new(&self.likelihood, from) else { return nothing() };
         let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds.filter(|kind| self.likelihood.data.can_show(kind)) {
-            screened.extend(self.screen((&score_test, None), &scan, from, kind).into_iter().next());
+            screened.extend(self.screen(&look, &scan, from, kind));
             (self.progress)();
         }
         let Some(before) = self.evaluated(from) else { return nothing() };

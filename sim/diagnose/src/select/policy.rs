@@ -5,13 +5,8 @@ use rotorlead_plant::effect::{Kind, Site};
 
 /// Most effects that are named.
 pub(crate) const MOST_EFFECTS: usize = 3;
-/// So many effects that leave more than this part of the chi-square are no explanation, and none is looked for.
-pub(crate) const ENOUGH_EFFECTS: usize = 2;
+/// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for.
 pub(crate) const HOPELESS: f64 = 0.15;
-/// What leaves less than this part of the chi-square is believed though a kind that fits no actuator leaves less alone: the law of an
-/// actuator may be a little other than the catalog's.
-pub(crate) const ALL_BUT_LITTLE: f64 = 0.05;
-
 /// An effect is named for at least this penalized score. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
 /// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
 /// that is, `cargo xtask blind` counts.
@@ -26,6 +21,11 @@ pub(crate) const ALIKE: f64 = 5.0;
 /// Gain of log likelihood beyond the complexity penalty from which on a kind has weak evidence. For a kind of one value noise alone does
 /// so in one of 200 experiments: half of a chi-square of one degree of freedom is beyond 4 that often.
 pub(crate) const LEAST_WEAK_EVIDENCE: f64 = 3.0;
+
+/// A name that explains less than this part of what all explain is the shape of a larger one: where more than noise is left, and
+/// where it is not.
+pub(crate) const OF_LAW: f64 = 0.1;
+pub(crate) const OF_NOISE: f64 = 2e-4;
 
 /// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
 pub(crate) const LEAST_SCORE_OF_NUMBERS: f64 = 10.0;
@@ -48,9 +48,6 @@ pub(crate) const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes where periods do not repeat: the chi-square is of models and not of noise, so the last digits mean
 /// nothing.
 pub(crate) const LAST_STEPS: usize = 8;
-/// Kinds with each of which pairs are tried.
-pub(crate) const MOST_BEGINNINGS: usize = 4;
-
 /// Parsimony rank of a kind where periods do not repeat, the simplest first: a map that is not straight, as levels are soon read off, and
 /// a response that is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they
 /// come first where they score enough, and each of the others has to do so beside them. They are dropped where one makes them redundant.

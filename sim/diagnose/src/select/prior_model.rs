@@ -65,7 +65,6 @@ fn beside_given(search: &mut Search, untouched: &Dataset, given: &Fit, refitted:
         return None;
     }
     let mut beside = Search::prepared(untouched, &given.hypothesis, (search.catalog, search.progress), false)?;
-    beside.engine = search.engine;
     let other = beside.explain(&given.hypothesis).filter(|other| !other.found.is_empty())?;
     let all = |hypothesis: &Hypothesis| {
         let parts = [Split::Train, Split::Holdout].map(|split| half_of(&beside.likelihood, hypothesis, split));

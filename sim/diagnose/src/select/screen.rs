@@ -11,6 +11,7 @@ use crate::model::hypothesis::Hypothesis;
 use crate::propose::scan::Scan;
 use crate::propose::{self, collapsed};
 use crate::select::explain::Search;
+use crate::select::policy::{LEAST_SCORE, MOST_FINISHED, MOST_FITTED, MOST_STARTS, PROMISED};
 
 /// Starts of a kind that are looked at on all records.
 const MOST_LOOKED_AT_AGAIN: usize = 3;
@@ -24,27 +25,130 @@ const VALLEY_NARROWING: f64 = 0.25;
 /// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
 pub(crate) type Screened = (f64, Hypothesis, &'static Kind);
 
-/// A part of the records, and a score test on it.
-pub(crate) struct FirstLook<'a> {
-    likelihood: Likelihood,
+/// A kind that promises less than this part of what the best does at a first look is not looked at more closely, nor are more kinds
+/// than are fitted.
+const CLOSER: f64 = 0.1;
+
+/// Records, and a score test on them.
+pub(crate) struct Look<'a, 'b> {
+    likelihood: &'b Likelihood,
     score_test: ScoreTest<'a>,
+    /// The chi-square of the fit that kinds are tried beside.
+    before: f64,
+}
+
+impl<'a, 'b> Look<'a, 'b> {
+    /// At all that `likelihood` compares, beside `from`. `None` where its derivatives are not defined.
+    pub fn new(likelihood: &'b Likelihood, from: &'a Fit) -> Option<Self> {
+        let score_test = ScoreTest::new(likelihood, from)?;
+        let before = score_test.before();
+        Some(Self { likelihood, score_test, before })
+    }
+
+    /// What a start would leave, and where it leads.
+    pub fn at(&self, start: Candidate, is_misaligned: bool) -> Option<(f64, Candidate, Hypothesis)> {
+        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
+        // linearization does not hold.
+        let with = self.score_test.predict(self.likelihood, &start, false);
+        let without = is_misaligned.then(|| self.score_test.predict(self.likelihood, &start, true)).flatten();
+        let (left, moved) = [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((left, start, moved))
+    }
+}
+
+/// Starts of a kind that were looked at.
+struct Looked<'a, 'b, 'c> {
+    kind: &'static Kind,
+    /// What it was looked at by.
+    by: &'c Look<'a, 'b>,
+    is_misaligned: bool,
+    is_in_valley: bool,
+    /// What each would leave, and where it leads, best first.
+    evaluated: Vec<(f64, Candidate, Hypothesis)>,
+}
+
+impl Looked<'_, '_, '_> {
+    fn look(&mut self, starts: Vec<Candidate>) {
+        let looked = starts.into_par_iter().filter_map(|start| self.by.at(start, self.is_misaligned));
+        self.evaluated.par_extend(looked.collect::<Vec<_>>());
+        self.evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+
+    /// Looks where a parabola through the best of them and its neighbors is least, of which one may be where the effect vanishes: an
+    /// effect that is much smaller than all starts is seen by that.
+    fn look_at_vertex(&mut self, from: &Fit) {
+        let nothing = Candidate::new(self.kind, self.kind.null());
+        if nothing.has_coordinates() {
+            self.evaluated.push((self.by.before, nothing.clone(), from.hypothesis.with(nothing)));
+            self.evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        self.look(Candidate::vertex(&self.evaluated).into_iter().collect());
+    }
+
+    /// The part of the chi-square that the best of them takes away.
+    fn promise(&self) -> f64 {
+        self.evaluated.first().map_or(0.0, |best| 1.0 - best.0 / self.by.before)
+    }
+
+    /// Looks around the best of them where the kind has a single value: a limit is felt only where the commands are.
+    fn look_closer(&mut self) {
+        if self.is_in_valley {
+            // Down into the lowest.
+            for round in 0..VALLEY_LOOKS {
+                let Some(best) = self.evaluated.first().map(|best| best.1.clone()) else { break };
+                self.look(best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
+            }
+        } else if Candidate::searched(self.kind).count() == 1 {
+            for _ in 0..CLOSER_LOOKS {
+                self.look(Candidate::around_best(&self.evaluated));
+            }
+            self.look(Candidate::vertex(&self.evaluated).into_iter().collect());
+        }
+    }
+
+    /// The best `count` of them by all records.
+    fn by_all(mut self, all: &Look, count: usize) -> Vec<Screened> {
+        let nothing = self.kind.null();
+        self.evaluated.retain(|(_, start, _)| start.values != nothing);
+        if !std::ptr::eq(self.by.likelihood, all.likelihood) {
+            self.evaluated.truncate(count);
+            let starts = self.evaluated.into_iter().map(|(_, start, _)| start);
+            self.evaluated = starts.filter_map(|start| all.at(start, self.is_misaligned)).collect();
+            self.evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        self.evaluated.into_iter().map(|(left, _, moved)| (left, moved, self.kind)).collect()
+    }
 }
 
 impl Search<'_> {
     /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the linearization holds, best first.
+    ///
+    /// All are looked at on a part of the records where there is one that shows most; those that promise something there more closely,
+    /// and the best on all records.
     pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
         let lifted = self.lags.then(|| collapsed::lifted(&self.likelihood, from)).flatten();
+        let part = self.likelihood.for_first_look();
         let mut screened = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
-            let Some(score_test) = ScoreTest::new(&self.likelihood, near) else { continue };
+            let Some(all) = Look::new(&self.likelihood, near) else { continue };
             let Some(scan) = Scan::new(&self.likelihood, near) else { continue };
-            let first_look = self.likelihood.for_first_look().and_then(|likelihood| {
-                let score_test = ScoreTest::new(&likelihood, near)?;
-                Some(FirstLook { likelihood, score_test })
-            });
+            let first = part.as_ref().and_then(|part| Look::new(part, near));
             let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
-            for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
-                screened.extend(self.screen((&score_test, first_look.as_ref()), &scan, near, kind));
+            let mut looked: Vec<Looked> = kinds
+                .filter(|kind| kind.shows != Shows::OverLevels)
+                .map(|kind| {
+                    (self.progress)();
+                    self.looked((&all, first.as_ref()), &scan, near, kind)
+                })
+                .collect();
+            looked.sort_by(|a, b| b.promise().total_cmp(&a.promise()));
+            let least = CLOSER * looked.first().map_or(0.0, Looked::promise);
+            for (place, mut kind) in looked.into_iter().enumerate() {
+                let promises = place < MOST_FITTED && kind.promise() >= least;
+                if promises {
+                    kind.look_closer();
+                }
+                screened.extend(kind.by_all(&all, if promises { MOST_LOOKED_AT_AGAIN } else { 1 }));
                 (self.progress)();
             }
         }
@@ -52,58 +156,60 @@ impl Search<'_> {
         screened
     }
 
-    /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
-    /// where the commands are.
-    ///
-    /// All that is looked at by `first_look`, where there is one, which is quick; what is best there by `score_test`.
-    pub fn screen(
+    /// The best start of one kind, with what it would leave of all records.
+    pub fn screen(&self, all: &Look, scan: &Scan, from: &Fit, kind: &'static Kind) -> Option<Screened> {
+        let mut looked = self.looked((all, None), scan, from, kind);
+        looked.look_closer();
+        looked.by_all(all, 1).into_iter().next()
+    }
+
+    /// The starts of a kind, looked at by `first` where that is there and shows it, and else by `all`.
+    fn looked<'a, 'b, 'c>(
         &self,
-        (score_test, first_look): (&ScoreTest, Option<&FirstLook>),
+        (all, first): (&'c Look<'a, 'b>, Option<&'c Look<'a, 'b>>),
         scan: &Scan,
         from: &Fit,
         kind: &'static Kind,
-    ) -> Vec<Screened> {
-        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
-        // linearization does not hold.
-        let has_time_offset = from.has_time_offset(&self.likelihood);
+    ) -> Looked<'a, 'b, 'c> {
         // What is slow shows over all of a record.
-        let first_look = first_look.filter(|_| kind.linearity != Linearity::Absent || kind.site <= Site::Rotor);
-        let evaluate = |(likelihood, score_test): (&Likelihood, &ScoreTest), start: &Candidate| {
-            let with = score_test.predict(likelihood, start, false);
-            let without = has_time_offset.then(|| score_test.predict(likelihood, start, true)).flatten();
-            [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
-        };
-        let by_all = (&self.likelihood, score_test);
-        let by = first_look.map_or(by_all, |look| (&look.likelihood, &look.score_test));
-        let mut evaluated: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
-        let look = |evaluated: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
-            let looked = |start: Candidate| evaluate(by, &start).map(|(left, moved)| (left, start, moved));
-            evaluated.par_extend(starts.into_par_iter().filter_map(looked));
-            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        };
+        let first = first.filter(|_| kind.linearity != Linearity::Absent || kind.site <= Site::Rotor);
         let starts = propose::of(kind).starts(&self.likelihood, from, scan, kind);
-        look(&mut evaluated, starts.candidates);
-        if starts.is_in_valley {
-            // Down into the lowest.
-            for round in 0..VALLEY_LOOKS {
-                let Some(best) = evaluated.first().map(|best| best.1.clone()) else { break };
-                look(&mut evaluated, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
-            }
-        } else if Candidate::searched(kind).count() == 1 {
-            for _ in 0..CLOSER_LOOKS {
-                let between = Candidate::around_best(&evaluated);
-                look(&mut evaluated, between);
-            }
-            let vertex = Candidate::vertex(&evaluated);
-            look(&mut evaluated, vertex.into_iter().collect());
+        let is_misaligned = from.has_time_offset(&self.likelihood);
+        let (is_in_valley, by) = (starts.is_in_valley, first.unwrap_or(all));
+        let mut looked = Looked { kind, by, is_misaligned, is_in_valley, evaluated: Vec::new() };
+        looked.look(starts.candidates);
+        if Candidate::searched(kind).count() == 1 {
+            looked.look_at_vertex(from);
         }
-        if first_look.is_some() {
-            evaluated.truncate(MOST_LOOKED_AT_AGAIN);
-            let starts = evaluated.into_iter().map(|(_, start, _)| start);
-            evaluated =
-                starts.filter_map(|start| evaluate(by_all, &start).map(|(left, moved)| (left, start, moved))).collect();
-            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        }
-        evaluated.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
+        looked
     }
+}
+
+/// The starts to search from, of those that were screened, the most promising first: of kinds that promise at least this part of the
+/// best, and of a few in any case.
+pub(crate) fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<(Hypothesis, &'static Kind)> {
+    // A gain of log likelihood is half of one of the chi-square.
+    let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
+    let mut chosen: Vec<(Hypothesis, &'static Kind)> = Vec::new();
+    let mut kinds: Vec<&'static Kind> = Vec::new();
+    for (left, start, kind) in screened {
+        let gain = from.chi_square - left;
+        let is_new = !kinds.contains(kind);
+        let is_behind =
+            is_new && (kinds.len() >= MOST_FITTED || kinds.len() >= MOST_FINISHED && gain < part_of_best * best);
+        // What promises much less than has to be there is not searched.
+        if gain < 2.0 * PROMISED * LEAST_SCORE || is_behind {
+            continue;
+        }
+        let of_kind = chosen.iter().filter(|(_, other)| other == kind).filter_map(|(other, _)| other.effects.last());
+        let is_known = start.effects.last().is_some_and(|start| of_kind.clone().any(|other| start.is_near(other)));
+        if of_kind.count() >= MOST_STARTS || is_known {
+            continue;
+        }
+        if is_new {
+            kinds.push(kind);
+        }
+        chosen.push((start.clone(), kind));
+    }
+    chosen
 }

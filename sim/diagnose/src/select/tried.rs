@@ -37,11 +37,6 @@ impl Tried {
         self.score() >= LEAST_SCORE && self.exceeds_least_gain()
     }
 
-    /// Something like an effect, but larger than it can be, is none of the catalog.
-    pub fn may_be_named(&self) -> bool {
-        self.scores_enough() && self.is_plausible()
-    }
-
     /// Whether it gains enough on what is fitted, whatever it does for what is held out.
     pub fn exceeds_least_gain(&self) -> bool {
         self.fitted_gain - self.complexity_penalty >= LEAST_TRAINING_GAIN
