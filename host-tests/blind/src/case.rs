@@ -13,7 +13,7 @@ use super::noise::Noise;
 use super::outside::{Outside, Sort};
 use super::path::{Timing, means, pieces};
 use super::setup::Setup;
-use super::shape::Shape;
+use super::shape::{Law, Shape};
 
 /// Grid on which data are made, in seconds.
 pub const STEP_S: f64 = 50e-6;
@@ -154,6 +154,8 @@ pub struct Case {
     pub motor: Motor,
     /// What is hidden.
     pub effects: Vec<Effect>,
+    /// What stands in the place of its law.
+    pub law: Option<Law>,
     /// By what its law is bent.
     pub shape: Shape,
     /// What is hidden and has no name.
@@ -178,15 +180,15 @@ impl Case {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let rng = &mut rng;
         let motor = Motor::draw(rng);
-        let mut shape = Shape::default();
+        let (mut law, mut shape) = (None, Shape::default());
         let (effects, outside) = match class {
             Class::Single(kind) => (vec![kind.draw(rng)], None),
             Class::Empty => (Vec::new(), None),
             Class::Pair => (draw_pair(rng), None),
             Class::Perturbed => {
-                let kind = Shape::KINDS[number as usize % Shape::KINDS.len()];
-                shape = Shape::draw(kind, rng);
-                (vec![Shape::draw_effect(kind, rng)], None)
+                let bent = Law::ALL[number as usize % Law::ALL.len()];
+                (law, shape) = (Some(bent), bent.draw(rng));
+                (vec![bent.draw_effect(rng)], None)
             }
             Class::Outside => {
                 let sorts: &[Sort] = match set {
@@ -213,6 +215,7 @@ impl Case {
             seed,
             motor,
             effects,
+            law,
             shape,
             outside,
             resistance_share,
@@ -290,8 +293,8 @@ impl Case {
 
 /// When the logger reads its rows, in seconds of the controller's clock.
 pub fn logger_times(setup: &Setup) -> impl Iterator<Item = f64> {
-    let row_s = (1.0 + setup.skew_ppm * 1e-6) / ROWS_HZ;
-    (0..ROWS).map(move |row| row as f64 * row_s)
+    let (error, shape) = (setup.skew_ppm * 1e-6, setup.shape);
+    (0..ROWS).map(move |row| row as f64 * (1.0 + error * shape.clock_factor(row as f64 / ROWS as f64)) / ROWS_HZ)
 }
 
 /// Two kinds that are not the same. Wrong parameters are not among them: they are no part of the chain.
@@ -378,6 +381,35 @@ mod tests {
         let colored: f64 = case.noise.colored.iter().map(|(sigma, _)| sigma * sigma).sum();
         let stated = (case.noise.white_n.powi(2) + colored + case.noise.hum_n.powi(2)).sqrt();
         assert!(((sum / ROWS as f64).sqrt() / stated - 1.0).abs() < 0.15);
+    }
+
+    #[test]
+    fn a_clock_that_drifts_is_as_far_off_at_the_end_and_less_in_the_middle() {
+        let shape = Shape { clock_drift: 0.2, ..Shape::default() };
+        let at = |shape: Shape, row: usize| {
+            let setup = Setup { skew_ppm: 1000.0, shape, ..Setup::default() };
+            logger_times(&setup).nth(row).unwrap() - row as f64 / ROWS_HZ
+        };
+        assert!((at(shape, ROWS / 2) - 13.5e-3).abs() < 1e-9);
+        assert!((at(Shape::default(), ROWS / 2) - 15e-3).abs() < 1e-9);
+        assert!((at(shape, ROWS - 1) - at(Shape::default(), ROWS - 1)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_bent_law_is_a_little_other_than_the_catalogs() {
+        for (number, law) in Law::ALL.into_iter().enumerate() {
+            let bent = Case::draw(Set::Tune, Class::Perturbed, number as u64);
+            let straight = Case { shape: Shape::default(), ..bent.clone() };
+            let plain = Case { effects: Vec::new(), ..straight.clone() };
+            // Where commands meet limits and never stand still.
+            let at = |run: &Run| run.point == 5 && run.drive == Drive::Multisine;
+            let record = bent.runs.iter().position(at).unwrap();
+            // The noise is the same in all three.
+            let [bent, straight, plain] = [bent, straight, plain].map(|case| case.record(record).thrust_n);
+            let power = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            let part = (power(&bent, &straight) / power(&straight, &plain)).sqrt();
+            assert!((0.01..0.95).contains(&part), "{law:?}: {part}");
+        }
     }
 
     #[test]

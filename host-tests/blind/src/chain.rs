@@ -160,6 +160,9 @@ impl Chain<'_> {
             let through = setup.lead_s / setup.lag_s;
             let mut lag = Lag::at_rest(setup.lag_s, self.step_s, rest);
             filter(&mut force, |from, to| {
+                if setup.shape.inflow_of_speed {
+                    lag.retime(setup.lag_s * setup.shape.inflow_factor(self.point.speed(from), HOVER), self.step_s);
+                }
                 let lagged = lag.step(from, to);
                 through * to + (1.0 - through) * lagged
             });
@@ -172,10 +175,15 @@ impl Chain<'_> {
             }
         }
         if setup.participation != 0.0 && setup.stand_hz > 0.0 {
-            let mut mode = Mode::at_rest(setup.stand_hz, setup.stand_damping, self.step_s, rest);
+            let second = setup.shape.second_mode;
+            let parts = [(1.0, 1.0 - second), (setup.shape.second_mode_ratio, second)];
+            let mode = |ratio: f64| Mode::at_rest(ratio * setup.stand_hz, setup.stand_damping, self.step_s, rest);
+            let shown = parts.iter().filter(|(_, part)| *part > 0.0);
+            let mut modes: Vec<(f64, Mode)> =
+                shown.map(|(ratio, part)| (setup.participation * part, mode(*ratio))).collect();
             filter(&mut force, |from, to| {
-                let moved = mode.step(from, to);
-                (1.0 - setup.participation) * to + setup.participation * moved
+                let still = (1.0 - setup.participation) * to;
+                modes.iter_mut().fold(still, |sum, (part, mode)| sum + *part * mode.step(from, to))
             });
         }
         force
@@ -232,7 +240,10 @@ pub fn read_at(signal: &[f64], step_s: f64, times_s: impl Iterator<Item = f64>) 
 mod tests {
     use std::f64::consts::TAU;
 
+    use num_complex::Complex;
+
     use super::super::path::{Timing, means, pieces};
+    use super::super::shape::Shape;
     use super::*;
 
     const POINT: Point = Point { nominal: 0.5, gain_n: 10.0, time_constant_s: 0.1, rest_n: 2.5 };
@@ -254,7 +265,11 @@ mod tests {
 
     /// Gain and phase of the force at a frequency, from whole periods after a settled second.
     fn response(setup: &Setup, hz: f64, size: f64) -> (f64, f64) {
-        let commands: Vec<f64> = (0..6000).map(|row| 0.5 + size * (TAU * hz * f64::from(row) * 1e-3).sin()).collect();
+        response_at(0.5, setup, hz, size)
+    }
+
+    fn response_at(level: f64, setup: &Setup, hz: f64, size: f64) -> (f64, f64) {
+        let commands: Vec<f64> = (0..6000).map(|row| level + size * (TAU * hz * f64::from(row) * 1e-3).sin()).collect();
         let out = force(&commands, setup);
         let (mut re, mut im, mut re_in, mut im_in) = (0.0, 0.0, 0.0, 0.0);
         for row in 2000..6000 {
@@ -363,6 +378,39 @@ mod tests {
         let gain = mode.0 / plain.0;
         // The mode takes the folded images of the rows' hold away: 2 / 49^2 of the plain gain.
         assert!((gain / f64::hypot(1.0 - g, g / 2.0 / zeta) - 1.0).abs() < 1.5e-3, "{gain}");
+    }
+
+    #[test]
+    fn two_modes_share_the_participation() {
+        let (hz, zeta, g) = (20.0, 0.05, 0.4);
+        let shape = Shape { second_mode: 0.3, second_mode_ratio: 1.5, ..Shape::default() };
+        let setup = Setup { stand_hz: hz, stand_damping: zeta, participation: g, shape, ..Setup::default() };
+        for (at_hz, tolerance) in [(2.0, 1e-4), (20.0, 2e-3), (30.0, 5e-3)] {
+            let (plain, modes) = (response(&Setup::default(), at_hz, 0.02), response(&setup, at_hz, 0.02));
+            let mode = |own_hz: f64| {
+                let ratio = at_hz / own_hz;
+                Complex::new(1.0 - ratio * ratio, 2.0 * zeta * ratio).inv()
+            };
+            let expected = mode(hz) * (0.7 * g) + mode(1.5 * hz) * (0.3 * g) + (1.0 - g);
+            let gain = modes.0 / plain.0;
+            assert!((gain / expected.norm() - 1.0).abs() < tolerance, "{at_hz} Hz: {gain} {}", expected.norm());
+        }
+    }
+
+    #[test]
+    fn an_inflow_of_the_speed_has_its_time_constants_at_hover_and_shorter_ones_above() {
+        let shape = Shape { inflow_of_speed: true, ..Shape::default() };
+        let inflow = Setup { lead_s: 0.02, lag_s: 0.01, ..Setup::default() };
+        let of_speed = Setup { shape, ..inflow.clone() };
+        let w = TAU * 5.0;
+        for (level, factor) in [(0.5, 1.0), (0.625, 0.8)] {
+            let plain = response_at(level, &Setup::default(), 5.0, 0.01).0;
+            let gain = response_at(level, &of_speed, 5.0, 0.01).0 / plain;
+            let expected = f64::hypot(1.0, 0.02 * factor * w) / f64::hypot(1.0, 0.01 * factor * w);
+            assert!((gain / expected - 1.0).abs() < 1e-3, "{level}: {gain} {expected}");
+            let fixed = response_at(level, &inflow, 5.0, 0.01).0 / plain;
+            assert_eq!((fixed / expected - 1.0).abs() < 1e-3, factor == 1.0, "{level}: {fixed} {expected}");
+        }
     }
 
     #[test]

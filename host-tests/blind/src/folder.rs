@@ -12,11 +12,12 @@ use super::ceiling::{Ceiling, stale};
 use super::excitation::{Drive, PERIOD_S, ROWS_HZ};
 use super::kind::Kind;
 use super::motor::Motor;
+use super::scatter::mixed;
 
 /// What the scorer knows of a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// A kind's name, `nothing`, `pair` or `outside`.
+    /// The class's name: a kind's for a case of one effect.
     pub class: String,
     /// Number within the class.
     pub number: u64,
@@ -24,6 +25,9 @@ pub struct Truth {
     pub effects: Vec<Hidden>,
     /// The sort of a hidden effect outside the catalog.
     pub outside: Option<String>,
+    /// What stands in the place of the law of the hidden effect.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<String>,
     /// Whether the experiment's folder has the columns rpm, voltage and current.
     pub more_columns: bool,
     /// `none`, `right` or `stale`.
@@ -68,6 +72,7 @@ impl Truth {
                 })
                 .collect(),
             outside: case.outside.map(|outside| outside.sort.name().to_owned()),
+            law: case.law.map(|law| law.name().to_owned()),
             more_columns: case.has_more_columns,
             model: match case.given {
                 Given::Nothing => "none",
@@ -113,13 +118,10 @@ pub struct Paths {
     pub model: Option<PathBuf>,
 }
 
-/// What a case's files are called. The seed's number would give away the class: it is mixed (a round of SplitMix64).
+/// What a case's files are called. The seed's number would give away the class: it is mixed.
 #[must_use]
 pub fn name(case: &Case) -> String {
-    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    format!("case_{:016x}", name ^ (name >> 31))
+    format!("case_{:016x}", mixed(case.seed))
 }
 
 /// Writes the experiment of a case into a folder of its own under `root`, and its model if it has one.
@@ -223,6 +225,12 @@ mod tests {
         assert!(!manifest.contains("backlash") && !paths.experiment.to_string_lossy().contains("backlash"));
         let files = fs::read_dir(&paths.experiment).unwrap().count();
         assert_eq!(files, 13 + usize::from(paths.model.is_some()));
+    }
+
+    #[test]
+    fn the_truth_names_the_law() {
+        let bent = Truth::of(&Case::draw(Set::Tune, Class::Perturbed, 12), None);
+        assert_eq!((bent.law.as_deref(), bent.effects[0].kind.as_str()), (Some("delay_jitter"), "transport_delay"));
     }
 
     #[test]

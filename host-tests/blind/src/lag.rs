@@ -18,6 +18,11 @@ impl Lag {
         Self { decay: (-step_s / time_constant_s).exp(), behind: time_constant_s / step_s, state: level }
     }
 
+    /// From now on with another time constant; the state stays.
+    pub fn retime(&mut self, time_constant_s: f64, step_s: f64) {
+        *self = Self::at_rest(time_constant_s, step_s, self.state);
+    }
+
     /// The state after a step over which the input goes from `from` to `to`.
     ///
     /// Behind a ramp the lag runs parallel, one time constant late; what is off from that decays.

@@ -3,7 +3,8 @@
 //!
 //! - A **case** ([`case`]) is drawn from one seed: a motor after the paper's Table 1 ([`motor`]), what is hidden in it
 //!   ([`kind`], [`outside`]), noise ([`noise`]), and the paper's twelve records of 30 s at 1 kHz ([`excitation`]). Its noise
-//!   is 0.2 to 5 % of the swing that an amplitude of 0.05 has, each decade as likely as any other.
+//!   is 0.2 to 5 % of the swing that an amplitude of 0.05 has, each decade as likely as any other. Some laws are bent
+//!   ([`shape`]).
 //! - The **data** come from a chain of their own ([`setup`], [`path`], [`chain`], [`lag`]). Every record begins at rest at
 //!   its nominal command, and a drift begins with it. Frames lie anywhere, each command takes effect up to 50 us early or
 //!   late, and the logger reads up to 20 us early or late; as both are as often early as late, they are no delay.
@@ -36,6 +37,7 @@ mod parameters;
 pub mod path;
 pub mod report;
 pub mod run;
+pub mod scatter;
 pub mod score;
 pub mod setup;
 pub mod shape;

@@ -42,30 +42,43 @@ impl Timing {
 /// What arrives at the supply when `commands` leave the controller; `nominal` before the first of them.
 ///
 /// A dead band holds the last command that passed and lets the next one pass as soon as it differs by the width or
-/// more. Play moves its output only when the input reaches one of its ends, a half width away.
+/// more. Play moves its output only when the input reaches one of its ends, a half width away. A delay keeps the order
+/// of commands: those that would overtake each other take effect in their order.
 #[must_use]
 pub fn pieces(commands: &[f64], nominal: f64, setup: &Setup, timing: &Timing) -> Vec<Piece> {
     let mut values = Vec::with_capacity(commands.len());
-    let quantized = |value: f64| if setup.step > 0.0 { (value / setup.step).round() * setup.step } else { value };
-    let rest = quantized(setup.shape.clipped(nominal, setup.upper));
-    let (mut held, mut play) = (rest, rest);
+    let shape = &setup.shape;
+    let quantized = |value: f64| if setup.step > 0.0 { shape.quantized(value, setup.step) } else { value };
+    let rest = quantized(shape.clipped(nominal, setup.upper));
+    let mut held = rest;
+    let mut plays: Vec<(f64, f64)> = shape.half_plays(setup.half_play).into_iter().map(|half| (half, rest)).collect();
     for command in commands {
-        let value = quantized(setup.shape.clipped(*command, setup.upper));
+        let value = quantized(shape.clipped(*command, setup.upper));
         // The tiny part keeps sums of steps of exactly one width from hanging on the last bit.
-        if (value - held).abs() >= setup.dead_band * setup.shape.width_at(value - nominal) * (1.0 - 1e-9) {
-            held = value;
+        let (change, width) = (value - held, setup.dead_band * shape.width_at(value - nominal));
+        if change.abs() >= width * (1.0 - 1e-9) {
+            held = value - shape.behind(change.abs(), width).copysign(change);
         }
-        play = play.clamp(held - setup.half_play, held + setup.half_play);
-        values.push(play + setup.shape.compliance * (held - play));
+        let mut sum = 0.0;
+        for (half, play) in &mut plays {
+            *play = play.clamp(held - *half, held + *half);
+            sum += *play;
+        }
+        let play = sum / plays.len() as f64;
+        values.push(play + shape.compliance * (held - play));
     }
-    let slopes = [setup.slope_per_s, setup.slope_per_s * (1.0 - setup.shape.slower_down)];
+    let slopes = [setup.slope_per_s, setup.slope_per_s * (1.0 - shape.slower_down)];
     let mut pieces = slewed(&values, rest, slopes, &timing.take_over_s);
     if setup.frame_hz.is_finite() {
-        pieces = framed(&pieces, setup.frame_hz, timing);
+        pieces = framed(&pieces, setup, timing);
     }
     if setup.delay_s > 0.0 {
-        for piece in &mut pieces[1..] {
-            piece.start_s += setup.delay_s;
+        let record = timing.frame_phase.to_bits();
+        let late = |(index, piece): (usize, &Piece)| piece.start_s + setup.delay_s * shape.delay_factor(record, index);
+        let mut starts: Vec<f64> = pieces[1..].iter().enumerate().map(late).collect();
+        starts.sort_unstable_by(f64::total_cmp);
+        for (piece, start_s) in pieces[1..].iter_mut().zip(starts) {
+            piece.start_s = start_s;
         }
     }
     pieces
@@ -97,13 +110,14 @@ fn slewed(values: &[f64], rest: f64, [up, down]: [f64; 2], times_s: &[f64]) -> V
     pieces
 }
 
-fn framed(pieces: &[Piece], frame_hz: f64, timing: &Timing) -> Vec<Piece> {
+fn framed(pieces: &[Piece], setup: &Setup, timing: &Timing) -> Vec<Piece> {
+    let (frame_hz, record) = (setup.frame_hz, timing.frame_phase.to_bits());
     let end_s = timing.take_over_s.last().copied().unwrap_or(0.0) + 1.0 / frame_hz;
     let mut out = vec![pieces[0]];
     let mut at = 0;
     let first_s = -timing.frame_phase / frame_hz;
     for frame in 0.. {
-        let start_s = first_s + f64::from(frame) / frame_hz;
+        let start_s = first_s + (f64::from(frame) + setup.shape.frame_late(record, frame)) / frame_hz;
         if start_s > end_s {
             break;
         }
@@ -145,6 +159,7 @@ pub fn means(pieces: &[Piece], step_s: f64, steps: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::shape::Shape;
     use super::*;
 
     fn path(commands: &[f64], setup: &Setup) -> Vec<Piece> {
@@ -223,6 +238,57 @@ mod tests {
         // command that was valid at its start, on average half a row older than the ramp's.
         let lag: f64 = (100..900).map(|row| (commands[row] - out[row]) / 1e-4).sum::<f64>() / 800.0;
         assert!((lag - 500.0 / 157.3).abs() < 0.05, "{lag} rows");
+    }
+
+    #[test]
+    fn frames_that_jitter_delay_by_half_of_their_mean_square_over_their_mean() {
+        let commands = ramp(8000, 1e-5);
+        let (frame_hz, frame_jitter) = (157.3, 0.3);
+        let shape = Shape { frame_jitter, seed: 3, ..Shape::default() };
+        let out = values(&commands, &Setup { frame_hz, shape, ..Setup::default() });
+        let lag: f64 = (100..7900).map(|row| (commands[row] - out[row]) / 1e-5).sum::<f64>() / 7800.0;
+        // A frame's length has the variance of the difference of two uniform numbers: 2 / 3 of the jitter's square.
+        let expected = 500.0 / frame_hz * (1.0 + 2.0 / 3.0 * frame_jitter * frame_jitter);
+        assert!((lag - expected).abs() < 0.03, "{lag} rows, not {expected}");
+    }
+
+    #[test]
+    fn several_plays_take_up_a_turn_one_after_the_other() {
+        let shape = Shape { spread_of_plays: 0.8, ..Shape::default() };
+        let mut commands = ramp(201, 1e-3);
+        commands.extend((1..100).map(|row| 0.7 - 1e-3 * f64::from(row)));
+        let out = values(&commands, &Setup { half_play: 0.01, shape, ..Setup::default() });
+        for back in [0, 3, 12, 21, 40, 90] {
+            let way = 1e-3 * back as f64;
+            let halves = [0.002, 0.006, 0.010, 0.014, 0.018];
+            let taken: f64 = halves.iter().map(|half| f64::max(0.0, way - 2.0 * half)).sum::<f64>() / 5.0;
+            assert!((out[200 + back] - (0.69 - taken)).abs() < 1e-12, "{back}");
+        }
+    }
+
+    #[test]
+    fn a_dead_band_with_a_knee_stays_behind_what_has_just_passed() {
+        let shape = Shape { band_knee: 0.2, ..Shape::default() };
+        let setup = Setup { dead_band: 0.01, shape, ..Setup::default() };
+        let out = values(&[0.5, 0.509, 0.51, 0.51, 0.53, 0.52, 0.521], &setup);
+        for (out, expected) in out.iter().zip([0.5, 0.5, 0.508, 0.508, 0.53, 0.522, 0.522]) {
+            assert!((out - expected).abs() < 1e-9, "{out} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_delay_that_jitters_keeps_its_mean_and_the_order_of_commands() {
+        let shape = Shape { delay_jitter: 0.3, seed: 9, ..Shape::default() };
+        let commands = ramp(5000, 1e-5);
+        let delay_s = 20e-3;
+        let out = path(&commands, &Setup { delay_s, shape, ..Setup::default() });
+        let late: Vec<f64> =
+            out[1..].iter().enumerate().map(|(row, piece)| piece.start_s - row as f64 * 1e-3).collect();
+        assert!(out[1..].windows(2).all(|pair| pair[0].start_s <= pair[1].start_s && pair[0].value < pair[1].value));
+        assert!(late.iter().all(|late| (0.7 * delay_s..=1.3 * delay_s).contains(late)));
+        // Uniform numbers up to 6 ms around the mean, 5000 of them: off by 0.05 ms.
+        assert!((late.iter().sum::<f64>() / 5000.0 - delay_s).abs() < 2e-4);
+        assert!(late.iter().any(|late| (late - delay_s).abs() > 1e-3));
     }
 
     #[test]

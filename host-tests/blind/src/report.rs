@@ -65,8 +65,8 @@ fn table(figures: &[Figure]) -> String {
 
 fn matrix(cases: &[Scored]) -> String {
     let counts = confusion(cases);
-    let rows: Vec<&str> =
-        Kind::ALL.iter().map(|kind| kind.name()).chain([Class::Empty.name(), Class::Outside.name()]).collect();
+    let others = [Class::Empty, Class::Outside].map(Class::name);
+    let rows: Vec<&str> = Kind::ALL.iter().map(|kind| kind.name()).chain(others).collect();
     let mut columns: Vec<String> = Kind::ALL.iter().map(|kind| kind.name().to_owned()).collect();
     // Kinds of the tool's own that no case hides come after those that cases do.
     let known: BTreeSet<&str> = columns.iter().map(String::as_str).chain(["agrees", "unknown", "error"]).collect();
@@ -100,11 +100,12 @@ fn wrong(cases: &[Scored]) -> String {
     let mut text =
         String::from("| hidden | number | shows | first name | why there is no answer |\n|---|---|---|---|---|\n");
     for case in cases.iter().filter(|case| case.has_wrong_name() || case.answer.is_err()) {
-        let hidden: Vec<&str> = case.truth.effects.iter().map(|hidden| hidden.kind.as_str()).collect();
-        let hidden = match (&case.truth.outside, hidden.is_empty()) {
-            (Some(sort), _) => sort.clone(),
-            (None, true) => case.truth.class.clone(),
-            (None, false) => hidden.join(" + "),
+        let kinds = case.truth.effects.iter().map(|hidden| hidden.kind.as_str());
+        let hidden: Vec<&str> = kinds.chain(case.truth.outside.as_deref()).collect();
+        let hidden = match &case.truth.law {
+            _ if hidden.is_empty() => case.truth.class.clone(),
+            Some(law) => format!("{} ({law})", hidden.join(" + ")),
+            None => hidden.join(" + "),
         };
         let shows = if case.truth.is_invisible() { "no" } else { "yes" };
         let error = case.answer.as_ref().err().map_or("", String::as_str).replace(['|', '\n'], " ");
@@ -122,10 +123,12 @@ mod tests {
     #[test]
     fn the_page_has_its_parts_and_counts() {
         let wrong = naming("named", &[(Kind::EscFrameHold, &[])]);
-        let cases = [
+        let mut cases = [
             scored("transport_delay", &[Kind::TransportDelay], -100.0, -50.0, &wrong),
             scored("nothing", &[], 0.0, 0.0, "nonsense"),
+            scored("perturbed", &[Kind::TransportDelay], -100.0, -50.0, &wrong),
         ];
+        cases[2].truth.law = Some("delay_jitter".to_owned());
         let page = page(&cases, Set::Tune, "a test");
         let mut from = 0;
         for part in PARTS {
@@ -133,6 +136,7 @@ mod tests {
         }
         assert!(page.contains("| 0/1 = 0 % (0 to 79) | >= 95.0 % | no |"), "{page}");
         assert!(page.contains("| transport_delay | 0 | yes | esc_frame_hold |"), "{page}");
+        assert!(page.contains("| transport_delay (delay_jitter) | 0 | yes | esc_frame_hold |"), "{page}");
         let heads = page.lines().find(|line| line.starts_with("| hidden | parameter_error")).unwrap();
         let row = page.lines().find(|line| line.starts_with("| transport_delay |  |")).unwrap();
         assert_eq!(heads.matches('|').count(), row.matches('|').count());

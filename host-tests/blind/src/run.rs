@@ -13,7 +13,7 @@ use super::diagnosis::Diagnosis;
 use super::folder::{self, Paths, Truth};
 use super::kind::Kind;
 use super::score::Scored;
-use super::shape::Shape;
+use super::shape::Law;
 
 /// How long the tool may take over a case before it counts as no answer.
 const LIMIT: Duration = Duration::from_secs(600);
@@ -47,7 +47,7 @@ pub struct Plan {
 #[must_use]
 pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
     let singles = Kind::ALL.into_iter().map(|kind| (Class::Single(kind), seeds));
-    let perturbed = seeds * Shape::KINDS.len() as u64;
+    let perturbed = seeds * Law::ALL.len() as u64;
     let others = [
         (Class::Empty, 4 * seeds),
         (Class::Pair, 3 * seeds),

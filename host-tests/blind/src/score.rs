@@ -193,6 +193,7 @@ pub(super) mod tests {
             number: 0,
             effects,
             outside: (class == "outside").then(|| "echo".to_owned()),
+            law: None,
             more_columns: false,
             model: "none".to_owned(),
             noise_level: 0.01,
