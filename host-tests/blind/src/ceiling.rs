@@ -83,17 +83,17 @@ pub struct Ceiling {
     pub nothing: f64,
     /// With each rival, by name.
     pub rivals: Vec<(String, Difference)>,
-    /// Of a pair: with one of the two exchanged for another kind.
+    /// Of several effects: with one of them exchanged for another kind.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exchanges: Vec<Exchange>,
 }
 
-/// A rival of a pair: one of the two stays, the other is exchanged.
+/// A rival of several effects: one is exchanged, the others stay.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exchange {
-    /// The kind that stays.
+    /// What stays.
     pub stays: String,
-    /// The kind that takes the other one's place.
+    /// The kind that takes the place of what does not.
     pub comes: String,
     /// How good they are together.
     pub difference: Difference,
@@ -106,7 +106,7 @@ impl Ceiling {
         self.nothing <= -MARGIN
     }
 
-    /// Whether the effect, or either of two, is needed: for a pair the rivals are each of the two alone.
+    /// Whether the effect, or each of several, is needed: of several the rivals are all but one.
     #[must_use]
     pub fn is_needed(&self) -> bool {
         self.is_visible() && self.rivals.iter().all(|(_, difference)| difference.highest() <= -MARGIN)
@@ -127,10 +127,10 @@ impl Ceiling {
     }
 }
 
-/// The ceiling of a case; of an empty one and of one outside the catalog there is none.
+/// The ceiling of a case; where nothing of the catalog is hidden, or a law is bent there is none.
 ///
 /// Where the model given to the tool is stale, its numbers are the truth's rival: with them held, no other kind may do
-/// as well as new numbers do. Of a pair, each of the two alone is a rival, and so is each beside any other kind.
+/// as well as new numbers do. Of several effects, all but one are a rival, and so are these beside any other kind.
 ///
 /// Most rivals lose by hundreds, and a few records show it. The log likelihood is a sum over records, so for any of
 /// them, `S`, and the others, `R`, a rival's best fit to all is at most its best to `S` plus its best to `R`. With `t`
@@ -152,7 +152,7 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     match case.class {
         // No law of the catalog is the truth of one that is bent.
         Class::Empty | Class::Outside | Class::Perturbed => None,
-        Class::Pair => Some(of_pair(fitter, case, which)),
+        Class::Pair | Class::Triple => Some(of_several(fitter, case, which)),
         Class::Single(kind) => {
             let kinds = if kind == Kind::ParameterError { Vec::new() } else { vec![kind] };
             Some(against(fitter, case, &kinds, &of_kind(kind, which)))
@@ -170,22 +170,26 @@ fn of_kind(kind: Kind, which: Rivals) -> Vec<Kind> {
     rivals.iter().copied().filter(|rival| *rival != kind && *rival != Kind::ParameterError).collect()
 }
 
-/// The ceiling of two effects: each alone, and each beside what the other may be taken for.
-fn of_pair(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
-    let frozen = held(case);
+/// The ceiling of several effects: all but one, and these beside what that one may be taken for.
+fn of_several(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
     let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
     let all: Vec<usize> = (0..case.runs.len()).collect();
     let truth = fitter.best(&kinds, None, None);
-    let nothing = fitter.best(&[], frozen.as_ref(), None);
+    let nothing = fitter.best(&[], held(case).as_ref(), None);
     let (mut rivals, mut exchanges) = (Vec::new(), Vec::new());
-    for (stays, goes) in [(kinds[0], kinds[1]), (kinds[1], kinds[0])] {
+    for goes in &kinds {
+        let stay: Vec<Kind> = kinds.iter().copied().filter(|kind| kind != goes).collect();
+        let stays = stay.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" + ");
+        // Wrong numbers that stay are fitted anew.
+        let frozen = held(case).filter(|_| !stay.contains(&Kind::ParameterError));
         fitter.choose(&all);
-        let alone = fitter.best(&[stays], frozen.as_ref(), None);
-        rivals.push((stays.name().to_owned(), Difference::Fitted(alone.log_likelihood - truth.log_likelihood)));
-        let samples = samples(case, &truth, &alone);
-        for comes in of_kind(goes, which).into_iter().filter(|comes| *comes != stays) {
-            let difference = difference(fitter, &truth, &[stays, comes], frozen.as_ref(), &samples);
-            exchanges.push(Exchange { stays: stays.name().to_owned(), comes: comes.name().to_owned(), difference });
+        let without = fitter.best(&stay, frozen.as_ref(), None);
+        rivals.push((stays.clone(), Difference::Fitted(without.log_likelihood - truth.log_likelihood)));
+        let samples = samples(case, &truth, &without);
+        for comes in of_kind(*goes, which).into_iter().filter(|comes| !stay.contains(comes)) {
+            let rival: Vec<Kind> = stay.iter().copied().chain([comes]).collect();
+            let difference = difference(fitter, &truth, &rival, frozen.as_ref(), &samples);
+            exchanges.push(Exchange { stays: stays.clone(), comes: comes.name().to_owned(), difference });
         }
     }
     Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals, exchanges }
@@ -216,7 +220,7 @@ fn held(case: &Case) -> Option<Motor> {
 struct Sample {
     /// By their place in the case, in increasing order.
     records: Vec<usize>,
-    /// Log likelihood of the base parameters alone, or of what stays of a pair, less that of the truth, in these.
+    /// Log likelihood of the base parameters alone, or of what stays of several effects, less that of the truth, in these.
     nothing: f64,
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::case::{Case, Class, Columns, Given};
+use super::case::{Case, Columns, Given};
 use super::ceiling::{Ceiling, stale};
 use super::excitation::{Drive, PERIOD_S, ROWS_HZ};
 use super::kind::Kind;
@@ -89,8 +89,8 @@ impl Truth {
     #[must_use]
     pub fn is_invisible(&self) -> bool {
         let Some(ceiling) = &self.ceiling else { return false };
-        if self.class == Class::Pair.name() {
-            // Either of the two is as good as none when the other alone explains nearly as much.
+        if self.effects.len() > 1 {
+            // One is as good as none when the others alone explain nearly as much.
             return !ceiling.is_needed();
         }
         !ceiling.is_visible()
@@ -205,7 +205,7 @@ fn model_file(motor: &Motor) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::case::Set;
+    use super::super::case::{Class, Set};
     use super::super::ceiling::Difference;
     use super::*;
 

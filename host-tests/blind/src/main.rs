@@ -19,9 +19,9 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
   --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth; with a `<`
                     those that a few records bound far from it
   --set SET         tune (default) or report
-  --kinds A,B       only these kinds; also `nothing`, `pair`, `outside`, `perturbed`
-  --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, twice as many outside the
-                    catalog, three times as many pairs, and as many of each kind whose law is bent
+  --kinds A,B       only these kinds; also `nothing`, `pair`, `triple`, `outside`, `perturbed`
+  --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, three times as many pairs,
+                    twice as many outside the catalog, and as many triples and of each bent law
   --jobs N          cases at a time, 2 by default
   --keep DIR        leaves experiments, truths and answers there; what the same program has answered before is not asked
                     again; with --only-ceilings experiments and truths
@@ -114,8 +114,8 @@ fn read(arguments: &[String]) -> Result<Options, String> {
 }
 
 fn class(name: &str) -> Result<Class, String> {
-    let others = [Class::Empty, Class::Pair, Class::Outside, Class::Perturbed];
-    let known = Kind::named(name).map(Class::Single).or_else(|| others.into_iter().find(|class| class.name() == name));
+    let other = || Class::OTHERS.into_iter().find(|class| class.name() == name);
+    let known = Kind::named(name).map(Class::Single).or_else(other);
     known.ok_or_else(|| format!("--kinds: there is no {name}"))
 }
 

@@ -42,18 +42,22 @@ pub struct Plan {
     pub cache: PathBuf,
 }
 
-/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog, and three times
-/// as many pairs, of which a part does not show. Only the classes in `only`, if it names any.
+/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog,
+/// three times as many pairs, of which a part does not show, and as many triples and of each bent law. Only the
+/// classes in `only`, if it names any.
 #[must_use]
 pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
     let singles = Kind::ALL.into_iter().map(|kind| (Class::Single(kind), seeds));
-    let perturbed = seeds * Law::ALL.len() as u64;
-    let others = [
-        (Class::Empty, 4 * seeds),
-        (Class::Pair, 3 * seeds),
-        (Class::Outside, 2 * seeds),
-        (Class::Perturbed, perturbed),
-    ];
+    let others = Class::OTHERS.into_iter().map(|class| {
+        let times = match class {
+            Class::Single(_) | Class::Triple => 1,
+            Class::Outside => 2,
+            Class::Pair => 3,
+            Class::Empty => 4,
+            Class::Perturbed => Law::ALL.len() as u64,
+        };
+        (class, times * seeds)
+    });
     singles
         .chain(others)
         .filter(|(class, _)| only.is_empty() || only.contains(class))
@@ -187,7 +191,8 @@ fn ask(tool: &Path, paths: &Paths, answer: &Path) -> Result<Result<Diagnosis, St
 
 /// The ceiling from the cache, or computed and put there. Its key is the data.
 fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Option<Ceiling>, String> {
-    if matches!(case.class, Class::Empty | Class::Outside | Class::Perturbed) || plan.rivals == Rivals::None {
+    let has_one = matches!(case.class, Class::Single(_) | Class::Pair | Class::Triple);
+    if !has_one || plan.rivals == Rivals::None {
         return Ok(None);
     }
     // FNV-1a.
@@ -201,7 +206,7 @@ fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Optio
         Rivals::All => "all",
     };
     // A file without this in its name says of a pair what either alone does, and nothing of exchanges.
-    let rivals = if case.class == Class::Pair { format!("{rivals}_exchanged") } else { rivals.to_owned() };
+    let rivals = if case.effects.len() > 1 { format!("{rivals}_exchanged") } else { rivals.to_owned() };
     let name = format!("{}_{}_{hash:016x}_{rivals}_{CEILING_VERSION}.json", case.class.name(), case.number);
     let path = plan.cache.join(name);
     if let Some(known) = fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok()) {
@@ -244,6 +249,7 @@ mod tests {
         let all = cases(10, &[]);
         let count = |class: Class| all.iter().filter(|(one, _)| *one == class).count();
         assert_eq!((count(Class::Empty), count(Class::Outside), count(Class::Pair)), (40, 20, 30));
+        assert_eq!((count(Class::Triple), count(Class::Perturbed)), (10, 180));
         assert!(Kind::ALL.into_iter().all(|kind| count(Class::Single(kind)) == 10));
         assert_eq!(cases(3, &[Class::Empty]).len(), 12);
     }

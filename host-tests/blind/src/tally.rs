@@ -112,7 +112,8 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
     let (identifiable, others): (Vec<&Scored>, Vec<&Scored>) =
         visible.iter().copied().partition(|case| case.truth.is_identifiable() != Some(false));
     let of = |class: Class| cases.iter().filter(move |case| case.truth.class == class.name());
-    let pairs: Vec<&Scored> = of(Class::Pair).filter(|case| !case.truth.is_invisible()).collect();
+    let shown = |class| of(class).filter(|case| !case.truth.is_invisible()).collect();
+    let (pairs, triples): (Vec<&Scored>, Vec<&Scored>) = (shown(Class::Pair), shown(Class::Triple));
     let (pairs_identifiable, pairs_others): (Vec<&Scored>, Vec<&Scored>) =
         pairs.iter().copied().partition(|case| case.truth.is_identifiable() != Some(false));
     let least = |low: f64| Some((low, 1.0));
@@ -168,6 +169,17 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         figure(
             "of these, cannot: each of the two is a name or an alternative",
             Share::count(pairs_others.iter().map(|case| case.all_named_or_alternatives())),
+            None,
+        ),
+        figure("pairs that show: another's name", Share::count(pairs.iter().map(|case| case.has_wrong_name())), None),
+        figure(
+            "three effects that show: all three names",
+            Share::count(triples.iter().map(|case| case.all_named())),
+            None,
+        ),
+        figure(
+            "three effects that show: another's name",
+            Share::count(triples.iter().map(|case| case.has_wrong_name())),
             None,
         ),
         figure(
@@ -293,11 +305,11 @@ pub fn by_parameter(cases: &[Scored]) -> BTreeMap<(String, String), Parameter> {
     all
 }
 
-/// How many cases of each class got each first name.
+/// How many cases of each class that hides one effect at most got each first name.
 #[must_use]
 pub fn confusion(cases: &[Scored]) -> BTreeMap<(String, String), usize> {
     let mut counts = BTreeMap::new();
-    for case in cases.iter().filter(|case| case.truth.class != Class::Pair.name() && !case.truth.is_invisible()) {
+    for case in cases.iter().filter(|case| case.truth.effects.len() <= 1 && !case.truth.is_invisible()) {
         *counts.entry((case.truth.class.clone(), case.first().to_owned())).or_insert(0) += 1;
     }
     counts
@@ -348,6 +360,24 @@ mod tests {
         assert_eq!(confusion(&cases)[&("transport_delay".to_owned(), "esc_frame_hold".to_owned())], 2);
         assert_eq!(ceilings(&cases)[0].share, Share { hits: 3, of: 4 });
         assert_eq!(ceilings(&cases)[1].share, Share { hits: 2, of: 3 });
+    }
+
+    #[test]
+    fn several_effects_have_rows_of_their_own() {
+        let three = [Kind::TransportDelay, Kind::Backlash, Kind::GainDrift];
+        let two_named = naming("partly_named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]);
+        let all_named = naming("named", &three.map(|kind| (kind, &[][..])));
+        let wrong = naming("named", &[(Kind::GainDrift, &[])]);
+        let cases = [
+            scored("triple", &three, -100.0, -50.0, &two_named),
+            scored("triple", &three, -100.0, -50.0, &all_named),
+            scored("triple", &three, -100.0, -1.0, &wrong),
+            scored("pair", &[Kind::Backlash, Kind::ClockSkew], -100.0, -50.0, &wrong),
+        ];
+        assert_eq!(figure(&cases, "three effects that show: all").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "three effects that show: another").share, Share { hits: 0, of: 2 });
+        assert_eq!(figure(&cases, "pairs that show: another").share, Share { hits: 1, of: 1 });
+        assert_eq!(figure(&cases, "all cases: a wrong").share, Share { hits: 1, of: 4 });
     }
 
     #[test]
