@@ -10,6 +10,7 @@ use super::excitation::{Drive, ROWS, ROWS_HZ, commands};
 use super::kind::{Effect, Kind};
 use super::motor::Motor;
 use super::noise::Noise;
+use super::nuisance::{self, Nuisance};
 use super::outside::{Outside, Sort};
 use super::path::{Timing, means, pieces};
 use super::setup::Setup;
@@ -74,11 +75,16 @@ pub enum Class {
     Perturbed,
     /// Something that no catalog names.
     Outside,
+    /// No effect, but one or two nuisances of the stand.
+    Nuisance,
+    /// One effect, and one or two nuisances that are forces.
+    SingleInNuisance,
 }
 
 impl Class {
     /// Every class but those of one effect.
-    pub const OTHERS: [Self; 5] = [Self::Empty, Self::Pair, Self::Triple, Self::Outside, Self::Perturbed];
+    pub const OTHERS: [Self; 7] =
+        [Self::Empty, Self::Pair, Self::Triple, Self::Outside, Self::Perturbed, Self::Nuisance, Self::SingleInNuisance];
 
     /// Its name in tables: the kind's name for a single one.
     #[must_use]
@@ -90,6 +96,8 @@ impl Class {
             Self::Triple => "triple",
             Self::Perturbed => "perturbed",
             Self::Outside => "outside",
+            Self::Nuisance => "nuisance",
+            Self::SingleInNuisance => "single_in_nuisance",
         }
     }
 
@@ -101,6 +109,8 @@ impl Class {
             Self::Outside => 102,
             Self::Perturbed => 103,
             Self::Triple => 104,
+            Self::Nuisance => 105,
+            Self::SingleInNuisance => 106,
         }
     }
 }
@@ -135,9 +145,11 @@ pub struct Run {
     pub timing: Timing,
 }
 
-/// One record's columns besides time and command.
+/// One record's columns besides the command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Columns {
+    /// Seconds that stand beside each row; a row without them is not in the file.
+    pub stamps_s: Vec<Option<f64>>,
     /// Newtons.
     pub thrust_n: Vec<f64>,
     /// Revolutions per minute.
@@ -165,6 +177,8 @@ pub struct Case {
     pub law: Option<Law>,
     /// By what its law is bent.
     pub shape: Shape,
+    /// What the stand adds.
+    pub nuisances: Vec<Nuisance>,
     /// What is hidden and has no name.
     pub outside: Option<Outside>,
     /// Resistance's share of a supply's drop.
@@ -187,7 +201,7 @@ impl Case {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let rng = &mut rng;
         let motor = Motor::draw(rng);
-        let (mut law, mut shape) = (None, Shape::default());
+        let (mut law, mut shape, mut nuisances) = (None, Shape::default(), Vec::new());
         let (effects, outside) = match class {
             Class::Single(kind) => (vec![kind.draw(rng)], None),
             Class::Empty => (Vec::new(), None),
@@ -204,6 +218,16 @@ impl Case {
                     Set::Report => &Sort::REPORT,
                 };
                 (Vec::new(), Some(sorts[number as usize % sorts.len()].draw(rng)))
+            }
+            Class::Nuisance => {
+                let first = nuisance::Sort::ALL[number as usize % nuisance::Sort::ALL.len()];
+                nuisances = nuisance::Sort::draw_some(first, rng);
+                (Vec::new(), None)
+            }
+            Class::SingleInNuisance => {
+                let first = nuisance::Sort::FORCES[rng.random_range(0..nuisance::Sort::FORCES.len())];
+                nuisances = nuisance::Sort::draw_some(first, rng);
+                (vec![Kind::ALL[number as usize % Kind::ALL.len()].draw(rng)], None)
             }
         };
         let given = match effects.iter().find(|effect| effect.kind == Kind::ParameterError) {
@@ -225,6 +249,7 @@ impl Case {
             effects,
             law,
             shape,
+            nuisances,
             outside,
             resistance_share,
             noise,
@@ -267,23 +292,25 @@ impl Case {
         if let Some(outside) = self.outside.filter(Outside::is_in_the_logger) {
             outside.apply(&mut thrust_n, 1.0 / ROWS_HZ, &point, swing_n, rng);
         }
+        let rotor = read(&signals.rotor_n);
+        let mut stamps_s: Vec<Option<f64>> = (0..ROWS).map(|row| Some(row as f64 / ROWS_HZ)).collect();
+        for nuisance in &self.nuisances {
+            nuisance.add(&mut thrust_n, &rotor, swing_n, self.noise.hum_hz, rng);
+            nuisance.restamp(&mut stamps_s, rng);
+        }
         if !self.has_more_columns {
-            return Columns { thrust_n, rpm: Vec::new(), voltage_v: Vec::new(), current_a: Vec::new() };
+            return Columns { stamps_s, thrust_n, rpm: Vec::new(), voltage_v: Vec::new(), current_a: Vec::new() };
         }
         let mut noisy = |value: f64, sigma: f64| -> f64 {
             let normal: f64 = StandardNormal.sample(rng);
             value + sigma * normal
         };
-        let rotor = read(&signals.rotor_n);
         let rest_v = SUPPLY_V * (1.0 - (setup.sag_depth + setup.sag_resistance) * (self.rest_current(run.point) - 1.0));
         let voltage: Vec<f64> = if signals.voltage.is_empty() { vec![1.0; ROWS] } else { read(&signals.voltage) };
         Columns {
+            stamps_s,
             thrust_n,
-            rpm: rotor
-                .iter()
-                .map(|thrust| (thrust.max(0.0) / THRUST_PER_RPM2).sqrt())
-                .map(|rpm| noisy(rpm, 0.001 * rpm))
-                .collect(),
+            rpm: rotor.iter().map(|thrust| rpm(*thrust)).map(|rpm| noisy(rpm, 0.001 * rpm)).collect(),
             current_a: rotor
                 .iter()
                 .map(|thrust| HOVER_A * relative_current(point.speed(*thrust)))
@@ -297,6 +324,12 @@ impl Case {
     fn rest_current(&self, point: usize) -> f64 {
         relative_current(self.motor.points[point].nominal)
     }
+}
+
+/// Revolutions per minute of a rotor of this thrust.
+#[must_use]
+pub fn rpm(thrust_n: f64) -> f64 {
+    (thrust_n.max(0.0) / THRUST_PER_RPM2).sqrt()
 }
 
 /// When the logger reads its rows, in seconds of the controller's clock.
@@ -423,6 +456,19 @@ mod tests {
         assert!((at(shape, ROWS / 2) - 13.5e-3).abs() < 1e-9);
         assert!((at(Shape::default(), ROWS / 2) - 15e-3).abs() < 1e-9);
         assert!((at(shape, ROWS - 1) - at(Shape::default(), ROWS - 1)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_nuisance_hides_no_effect_and_the_plain_motor_is_under_it() {
+        for number in 0..6 {
+            let case = Case::draw(Set::Tune, Class::Nuisance, number);
+            assert!(case.effects.is_empty() && case.outside.is_none() && !case.nuisances.is_empty());
+            assert_eq!(case.setup(), Setup::default());
+            assert_eq!(case.nuisances[0].sort, nuisance::Sort::ALL[number as usize]);
+        }
+        let single = Case::draw(Set::Tune, Class::SingleInNuisance, 3);
+        assert_eq!((single.effects.len(), single.effects[0].kind), (1, Kind::ALL[3]));
+        assert!(single.nuisances.iter().all(|nuisance| nuisance::Sort::FORCES.contains(&nuisance.sort)));
     }
 
     #[test]

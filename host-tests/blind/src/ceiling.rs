@@ -127,7 +127,7 @@ impl Ceiling {
     }
 }
 
-/// The ceiling of a case; where nothing of the catalog is hidden, or a law is bent there is none.
+/// The ceiling of a case; where nothing of the catalog is hidden, a law is bent or a nuisance is added there is none.
 ///
 /// Where the model given to the tool is stale, its numbers are the truth's rival: with them held, no other kind may do
 /// as well as new numbers do. Of several effects, all but one are a rival, and so are these beside any other kind.
@@ -150,8 +150,8 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     }
     let fitter = &mut Fitter::new(case, columns);
     match case.class {
-        // No law of the catalog is the truth of one that is bent.
-        Class::Empty | Class::Outside | Class::Perturbed => None,
+        // No law of the catalog is the truth of one that is bent, and the likelihood knows the noise without nuisances.
+        Class::Empty | Class::Outside | Class::Perturbed | Class::Nuisance | Class::SingleInNuisance => None,
         Class::Pair | Class::Triple => Some(of_several(fitter, case, which)),
         Class::Single(kind) => {
             let kinds = if kind == Kind::ParameterError { Vec::new() } else { vec![kind] };

@@ -28,6 +28,9 @@ pub struct Truth {
     /// What stands in the place of the law of the hidden effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
+    /// The sorts of what the stand adds.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nuisances: Vec<String>,
     /// Whether the experiment's folder has the columns rpm, voltage and current.
     pub more_columns: bool,
     /// `none`, `right` or `stale`.
@@ -73,6 +76,7 @@ impl Truth {
                 .collect(),
             outside: case.outside.map(|outside| outside.sort.name().to_owned()),
             law: case.law.map(|law| law.name().to_owned()),
+            nuisances: case.nuisances.iter().map(|nuisance| nuisance.sort.name().to_owned()).collect(),
             more_columns: case.has_more_columns,
             model: match case.given {
                 Given::Nothing => "none",
@@ -181,7 +185,8 @@ fn table(commands: &[f64], columns: &Columns) -> String {
     let more = !columns.rpm.is_empty();
     text.push_str(if more { "time_s,command,thrust_n,rpm,voltage_v,current_a\n" } else { "time_s,command,thrust_n\n" });
     for (row, command) in commands.iter().enumerate() {
-        let _ = write!(text, "{:.3},{command:.9},{:.6}", row as f64 / ROWS_HZ, columns.thrust_n[row]);
+        let Some(stamp_s) = columns.stamps_s[row] else { continue };
+        let _ = write!(text, "{stamp_s:.6},{command:.9},{:.6}", columns.thrust_n[row]);
         if more {
             let _ =
                 write!(text, ",{:.2},{:.4},{:.4}", columns.rpm[row], columns.voltage_v[row], columns.current_a[row]);
@@ -228,9 +233,24 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_names_the_law() {
+    fn rows_that_are_lost_are_not_in_the_file_and_stamps_that_jitter_are_there_as_they_are() {
+        let case = Case::draw(Set::Tune, Class::Nuisance, 0);
+        let mut columns = case.record(0);
+        columns.stamps_s[2] = None;
+        columns.stamps_s[3] = Some(0.003_021);
+        let table = table(&case.runs[0].commands, &columns);
+        let stamps: Vec<&str> = table.lines().skip(1).take(4).map(|line| line.split(',').next().unwrap()).collect();
+        assert_eq!(stamps, ["0.000000", "0.001000", "0.003021", "0.004000"]);
+        assert_eq!(table.lines().count(), 30_000);
+    }
+
+    #[test]
+    fn the_truth_names_the_law_and_the_nuisances() {
         let bent = Truth::of(&Case::draw(Set::Tune, Class::Perturbed, 12), None);
         assert_eq!((bent.law.as_deref(), bent.effects[0].kind.as_str()), (Some("delay_jitter"), "transport_delay"));
+        let nuisance = Truth::of(&Case::draw(Set::Tune, Class::Nuisance, 4), None);
+        assert_eq!(nuisance.nuisances[0], "missing_rows");
+        assert!(nuisance.effects.is_empty() && nuisance.law.is_none());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! - A **case** ([`case`]) is drawn from one seed: a motor after the paper's Table 1 ([`motor`]), what is hidden in it
 //!   ([`kind`], [`outside`]), noise ([`noise`]), and the paper's twelve records of 30 s at 1 kHz ([`excitation`]). Its noise
 //!   is 0.2 to 5 % of the swing that an amplitude of 0.05 has, each decade as likely as any other. Some laws are bent
-//!   ([`shape`]).
+//!   ([`shape`]), and some stands add nuisances ([`nuisance`]), which are no effects.
 //! - The **data** come from a chain of their own ([`setup`], [`path`], [`chain`], [`lag`]). Every record begins at rest at
 //!   its nominal command, and a drift begins with it. Frames lie anywhere, each command takes effect up to 50 us early or
 //!   late, and the logger reads up to 20 us early or late; as both are as often early as late, they are no delay.
@@ -32,6 +32,7 @@ pub mod lag;
 pub mod likelihood;
 pub mod motor;
 pub mod noise;
+pub mod nuisance;
 pub mod outside;
 mod parameters;
 pub mod path;

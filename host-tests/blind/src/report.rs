@@ -12,6 +12,22 @@ use super::tally::{Figure, by_parameter, ceilings, confusion, figures};
 pub const PARTS: [&str; 5] =
     ["## Figures", "## What can be identified at all", "## Confusion matrix", "## Parameters", "## Wrong names"];
 
+/// What the cases are.
+const CASES: &str = "\
+Every case is twelve records of 30 s, a multisine and a square wave at six operating points, with noise of 0.2 to 5 % of the swing. It hides one
+of these:
+
+- one effect of the catalog, over its whole range, or nothing;
+- two effects, all pairs of kinds equally likely, or three (`pair`, `triple`);
+- one effect whose law is a little other than the catalog's (`perturbed`): several plays in parallel, a knee or a growing width of a
+  dead band, a delay or frames that jitter, uneven steps of a quantizer, a second mode of the stand, an inflow that is faster at higher
+  speed, a clock that drifts, a soft clip, and others: one or two for every kind but wrong numbers;
+- something that no catalog names (`outside`);
+- nothing but one or two nuisances of the stand (`nuisance`), which are no effects: hum of the mains with harmonics, blades that pass
+  an arm, a load cell that warms up, gusts, missing rows, stamps that jitter; or one effect beside those of them that are forces
+  (`single_in_nuisance`).
+";
+
 /// The page. `about` says by which command and version it was made.
 #[must_use]
 pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
@@ -28,7 +44,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
         set.name(),
         cases.len(),
     );
-    let _ = writeln!(text, "{}\n\n{}", PARTS[0], table(&figures(cases)));
+    text.push_str(CASES);
+    let _ = writeln!(text, "\n{}\n\n{}", PARTS[0], table(&figures(cases)));
     let _ = write!(
         text,
         "{}\n\nAn effect shows when the generator's own model, fitted together with gains and time constants, is better \
@@ -65,7 +82,7 @@ fn table(figures: &[Figure]) -> String {
 
 fn matrix(cases: &[Scored]) -> String {
     let counts = confusion(cases);
-    let others = [Class::Empty, Class::Outside].map(Class::name);
+    let others = [Class::Empty, Class::Outside, Class::Nuisance].map(Class::name);
     let rows: Vec<&str> = Kind::ALL.iter().map(|kind| kind.name()).chain(others).collect();
     let mut columns: Vec<String> = Kind::ALL.iter().map(|kind| kind.name().to_owned()).collect();
     // Kinds of the tool's own that no case hides come after those that cases do.
@@ -101,7 +118,8 @@ fn wrong(cases: &[Scored]) -> String {
         String::from("| hidden | number | shows | first name | why there is no answer |\n|---|---|---|---|---|\n");
     for case in cases.iter().filter(|case| case.has_wrong_name() || case.answer.is_err()) {
         let kinds = case.truth.effects.iter().map(|hidden| hidden.kind.as_str());
-        let hidden: Vec<&str> = kinds.chain(case.truth.outside.as_deref()).collect();
+        let hidden: Vec<&str> =
+            kinds.chain(case.truth.outside.as_deref()).chain(case.truth.nuisances.iter().map(String::as_str)).collect();
         let hidden = match &case.truth.law {
             _ if hidden.is_empty() => case.truth.class.clone(),
             Some(law) => format!("{} ({law})", hidden.join(" + ")),
@@ -127,8 +145,10 @@ mod tests {
             scored("transport_delay", &[Kind::TransportDelay], -100.0, -50.0, &wrong),
             scored("nothing", &[], 0.0, 0.0, "nonsense"),
             scored("perturbed", &[Kind::TransportDelay], -100.0, -50.0, &wrong),
+            scored("nuisance", &[], 0.0, 0.0, &wrong),
         ];
         cases[2].truth.law = Some("delay_jitter".to_owned());
+        cases[3].truth.nuisances = vec!["gusts".to_owned(), "mains_hum".to_owned()];
         let page = page(&cases, Set::Tune, "a test");
         let mut from = 0;
         for part in PARTS {
@@ -137,6 +157,7 @@ mod tests {
         assert!(page.contains("| 0/1 = 0 % (0 to 79) | >= 95.0 % | no |"), "{page}");
         assert!(page.contains("| transport_delay | 0 | yes | esc_frame_hold |"), "{page}");
         assert!(page.contains("| transport_delay (delay_jitter) | 0 | yes | esc_frame_hold |"), "{page}");
+        assert!(page.contains("| gusts + mains_hum | 0 | yes | esc_frame_hold |"), "{page}");
         let heads = page.lines().find(|line| line.starts_with("| hidden | parameter_error")).unwrap();
         let row = page.lines().find(|line| line.starts_with("| transport_delay |  |")).unwrap();
         assert_eq!(heads.matches('|').count(), row.matches('|').count());

@@ -12,6 +12,7 @@ use super::ceiling::{Ceiling, Rivals, ceiling};
 use super::diagnosis::Diagnosis;
 use super::folder::{self, Paths, Truth};
 use super::kind::Kind;
+use super::nuisance::Sort;
 use super::score::Scored;
 use super::shape::Law;
 
@@ -42,8 +43,8 @@ pub struct Plan {
     pub cache: PathBuf,
 }
 
-/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog,
-/// three times as many pairs, of which a part does not show, and as many triples and of each bent law. Only the
+/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog and of one effect in nuisances,
+/// three times as many pairs, of which a part does not show, and as many triples, of each bent law and of each nuisance. Only the
 /// classes in `only`, if it names any.
 #[must_use]
 pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
@@ -51,10 +52,11 @@ pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
     let others = Class::OTHERS.into_iter().map(|class| {
         let times = match class {
             Class::Single(_) | Class::Triple => 1,
-            Class::Outside => 2,
+            Class::Outside | Class::SingleInNuisance => 2,
             Class::Pair => 3,
             Class::Empty => 4,
             Class::Perturbed => Law::ALL.len() as u64,
+            Class::Nuisance => Sort::ALL.len() as u64,
         };
         (class, times * seeds)
     });
@@ -249,7 +251,8 @@ mod tests {
         let all = cases(10, &[]);
         let count = |class: Class| all.iter().filter(|(one, _)| *one == class).count();
         assert_eq!((count(Class::Empty), count(Class::Outside), count(Class::Pair)), (40, 20, 30));
-        assert_eq!((count(Class::Triple), count(Class::Perturbed)), (10, 180));
+        assert_eq!((count(Class::Triple), count(Class::SingleInNuisance)), (10, 20));
+        assert_eq!((count(Class::Nuisance), count(Class::Perturbed)), (60, 180));
         assert!(Kind::ALL.into_iter().all(|kind| count(Class::Single(kind)) == 10));
         assert_eq!(cases(3, &[Class::Empty]).len(), 12);
     }

@@ -194,6 +194,7 @@ pub(super) mod tests {
             effects,
             outside: (class == "outside").then(|| "echo".to_owned()),
             law: None,
+            nuisances: Vec::new(),
             more_columns: false,
             model: "none".to_owned(),
             noise_level: 0.01,

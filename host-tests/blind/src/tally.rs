@@ -160,6 +160,21 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             Share::count(of(Class::Perturbed).map(Scored::has_wrong_name)),
             Some((0.0, 0.05)),
         ),
+        figure(
+            "nuisances of the stand alone: no name, of those that are not refused",
+            Share::count(of(Class::Nuisance).filter(|case| case.answer.is_ok()).map(Scored::names_nothing)),
+            least(1.0),
+        ),
+        figure(
+            "one effect in nuisances of the stand: the first name is right",
+            Share::count(of(Class::SingleInNuisance).map(Scored::first_is_right)),
+            None,
+        ),
+        figure(
+            "one effect in nuisances of the stand: another's name, in its place or beside it",
+            Share::count(of(Class::SingleInNuisance).map(Scored::has_wrong_name)),
+            None,
+        ),
         figure("pairs that show: both names", Share::count(pairs.iter().map(|case| case.all_named())), least(0.85)),
         figure(
             "of these, can be identified: both names",
@@ -363,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn several_effects_have_rows_of_their_own() {
+    fn nuisances_and_several_effects_have_rows_of_their_own() {
         let three = [Kind::TransportDelay, Kind::Backlash, Kind::GainDrift];
         let two_named = naming("partly_named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]);
         let all_named = naming("named", &three.map(|kind| (kind, &[][..])));
@@ -373,11 +388,19 @@ mod tests {
             scored("triple", &three, -100.0, -50.0, &all_named),
             scored("triple", &three, -100.0, -1.0, &wrong),
             scored("pair", &[Kind::Backlash, Kind::ClockSkew], -100.0, -50.0, &wrong),
+            scored("nuisance", &[], 0.0, 0.0, &naming("unknown", &[])),
+            scored("nuisance", &[], 0.0, 0.0, &wrong),
+            scored("nuisance", &[], 0.0, 0.0, "refused"),
+            scored("single_in_nuisance", &[Kind::GainDrift], 0.0, 0.0, &wrong),
+            scored("single_in_nuisance", &[Kind::ClockSkew], 0.0, 0.0, &wrong),
         ];
         assert_eq!(figure(&cases, "three effects that show: all").share, Share { hits: 1, of: 2 });
         assert_eq!(figure(&cases, "three effects that show: another").share, Share { hits: 0, of: 2 });
         assert_eq!(figure(&cases, "pairs that show: another").share, Share { hits: 1, of: 1 });
-        assert_eq!(figure(&cases, "all cases: a wrong").share, Share { hits: 1, of: 4 });
+        assert_eq!(figure(&cases, "nuisances of the stand alone").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "one effect in nuisances of the stand: the").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "one effect in nuisances of the stand: another").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "all cases: a wrong").share, Share { hits: 3, of: 9 });
     }
 
     #[test]

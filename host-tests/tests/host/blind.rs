@@ -38,7 +38,7 @@ fn identify_finds_the_motor_of_a_case_with_nothing_hidden() {
 #[test]
 fn every_kind_and_sort_makes_a_folder_and_a_model_that_are_taken() {
     let singles = [Kind::ParameterError, Kind::Saturation, Kind::ClockSkew].map(Class::Single);
-    for class in singles.into_iter().chain([Class::Pair, Class::Triple, Class::Outside]) {
+    for class in singles.into_iter().chain([Class::Pair, Class::Triple, Class::Outside, Class::SingleInNuisance]) {
         let case = Case::draw(Set::Tune, class, 1);
         let root = tempfile::tempdir().unwrap();
         let paths = write(&case, &columns(&case), root.path()).unwrap();
