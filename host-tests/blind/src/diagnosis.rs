@@ -99,8 +99,8 @@ impl Tried {
     /// Whether it may be named.
     #[must_use]
     pub fn scores_enough(&self) -> bool {
-        let (Some(score), Some(held_out_gain)) = (self.score, self.held_out_gain) else { return false };
-        score >= ENOUGH && score - held_out_gain >= ENOUGH_FITTED
+        let fitted = |score: f64| score - self.held_out_gain.unwrap_or(0.0);
+        self.score.is_some_and(|score| score >= ENOUGH && fitted(score) >= ENOUGH_FITTED)
     }
 }
 

@@ -183,7 +183,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             .map(|tried| TriedKind {
                 kind: tried.kind,
                 fitted_gain: tried.fitted_gain,
-                held_out_gain: tried.held_out_gain,
+                held_out_gain: data.has_logs().then_some(tried.held_out_gain),
                 score: tried.score(),
             })
             .collect(),

@@ -49,9 +49,9 @@ pub struct TriedKind {
     pub kind: &'static Kind,
     /// Gain of log likelihood over what was fitted.
     pub fitted_gain: f64,
-    /// The same over what was held out.
-    pub held_out_gain: f64,
-    /// What it is worth: both, less one per parameter.
+    /// The same over what was held out; `None` where all is compared at once, as in records that repeat.
+    pub held_out_gain: Option<f64>,
+    /// What it is worth: both, less one per parameter and the places that were tried.
     pub score: f64,
 }
 

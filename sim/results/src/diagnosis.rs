@@ -20,7 +20,7 @@ use crate::object;
 use crate::unit::unit;
 
 /// What `score` is.
-const SCORE: &str = "score: both gains, less what the search gains by chance";
+const SCORE: &str = "score: what it gains, less what the search gains by chance";
 
 /// What is missing in a model, by how much that shrinks the gap, and the experiment that would say more.
 #[must_use]
@@ -340,15 +340,13 @@ fn decisions(decisions: &[Decision]) -> Table {
 }
 
 fn tried(tried: &[TriedKind]) -> Table {
-    let finite = |key, heading: &str, get: fn(&TriedKind) -> f64| {
-        Typed::new(key, heading, Unit::NONE, 1, move |tried: &TriedKind| {
-            Some(get(tried)).filter(|gain| gain.is_finite())
-        })
+    let finite = |key, heading: &str, get: fn(&TriedKind) -> Option<f64>| {
+        Typed::new(key, heading, Unit::NONE, 1, move |tried: &TriedKind| get(tried).filter(|gain| gain.is_finite()))
     };
     let columns = [
         Typed::words("kind", "kind", |tried: &TriedKind| tried.kind.id),
-        finite("score", "score", |tried| tried.score),
-        finite("fitted_gain", "on what was fitted", |tried| tried.fitted_gain),
+        finite("score", "score", |tried| Some(tried.score)),
+        finite("fitted_gain", "on what was fitted", |tried| Some(tried.fitted_gain)),
         finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),
     ];
     table_of("tried", format!("Kinds tried alone: log likelihood gained; {SCORE}"), &columns, tried)

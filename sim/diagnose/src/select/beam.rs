@@ -21,7 +21,7 @@ use crate::propose::scan::Scan;
 use crate::select::explain::{Explanation, Search};
 use crate::select::policy::{ALIKE, HOPELESS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
 use crate::select::screen::{Look, Screened, promising};
-use crate::select::tried::{Tried, complexity_penalty};
+use crate::select::tried::Tried;
 use crate::select::weak_evidence;
 
 /// Members of a size that go on to the next, from none on.
@@ -330,14 +330,13 @@ impl Search<'_> {
 
 /// A kind that was tried beside the lags alone.
 fn tried(zero: &Member, one: &Member) -> Option<Tried> {
-    let kind = one.fit.hypothesis.effects.first()?.kind;
+    let fitted_gain = 0.5 * (zero.fit.chi_square - one.fit.chi_square);
     Some(Tried {
-        kind,
+        kind: one.fit.hypothesis.effects.first()?.kind,
         fit: one.fit.clone(),
-        fitted_gain: 0.5 * (zero.fit.chi_square - one.fit.chi_square),
+        fitted_gain,
         held_out_gain: 0.0,
-        complexity_penalty: complexity_penalty(kind),
-        auxiliary_gain: 0.0,
+        complexity_penalty: fitted_gain - (one.evidence - zero.evidence),
     })
 }
 

@@ -290,12 +290,5 @@ fn is_worth_it(tried: &Tried) -> bool {
 fn tried(before: &Evaluated, folds: &Folds, with: Evaluated, kind: &'static Kind) -> Tried {
     let fitted_gain = 0.5 * (before.deviance - with.deviance);
     let held_out_gain = folds.gain(&with.likelihood, &with.fit.hypothesis).unwrap_or(0.0);
-    Tried {
-        kind,
-        fit: with.fit,
-        fitted_gain,
-        held_out_gain,
-        complexity_penalty: complexity_penalty(kind),
-        auxiliary_gain: 0.0,
-    }
+    Tried { kind, fit: with.fit, fitted_gain, held_out_gain, complexity_penalty: complexity_penalty(kind) }
 }

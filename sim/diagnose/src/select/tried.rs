@@ -22,8 +22,6 @@ pub(crate) struct Tried {
     pub held_out_gain: f64,
     /// What the search itself would gain by chance: see [`complexity_penalty`].
     pub complexity_penalty: f64,
-    /// What the columns beside the response say for it, over the best of those between which they were asked; 0 or less.
-    pub auxiliary_gain: f64,
 }
 
 impl Tried {
@@ -44,7 +42,7 @@ impl Tried {
 
     /// What it is worth, in units of log likelihood.
     pub fn score(&self) -> f64 {
-        self.fitted_gain - self.complexity_penalty + self.held_out_gain + self.auxiliary_gain
+        self.fitted_gain - self.complexity_penalty + self.held_out_gain
     }
 }
 

@@ -93,7 +93,8 @@ fn candidates(found: &Diagnosis) -> Option<Figure> {
     let mut csv = String::from("kind,named,score,fitted_gain,held_out_gain\n");
     for tried in &tried {
         let id = tried.kind.id;
-        let _ = writeln!(csv, "{id},{},{},{},{}", is_named(id), tried.score, tried.fitted_gain, tried.held_out_gain);
+        let held_out = tried.held_out_gain.map_or(String::new(), |gain| gain.to_string());
+        let _ = writeln!(csv, "{id},{},{},{},{held_out}", is_named(id), tried.score, tried.fitted_gain);
     }
     let shown: Vec<_> = tried.into_iter().filter(|tried| tried.score > 1.0).take(MOST_KINDS).collect();
     let best = shown.iter().map(|tried| tried.score).fold(0.0, f64::max);
