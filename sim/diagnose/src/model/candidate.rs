@@ -144,37 +144,29 @@ impl Candidate {
         shape.starts.iter().map(at).filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
     }
 
-    /// The same bent, where the response depends in jumps on its value and on its shape: every shape, each with the values that lie up to
-    /// `around` pieces of the plausible range away. Empty for any other.
-    pub fn bent_in_jumps(&self, around: u32) -> Vec<Self> {
-        let Some((place, shape)) = self.kind.shape().filter(|_| !self.bends && self.is_non_smooth()) else {
-            return Vec::new();
-        };
+    /// The same bent, where the response depends in jumps on its value and on its shape: with its own value and those up to `share` of a
+    /// piece of the plausible range away, in so many steps to either side; each with all shapes, or with those as near its own where it
+    /// bends already. Empty for any other.
+    pub fn bent_in_jumps(&self, share: f64, steps: u32) -> Vec<Self> {
+        let Some((place, shape)) = self.kind.shape().filter(|_| self.is_non_smooth()) else { return Vec::new() };
         let (low, high) = shape.plausible;
-        let values: Vec<Self> = self.around(f64::from(around), around).into_iter().chain([self.clone()]).collect();
-        let at = |k: u32, value: &Self| {
-            let mut bent = Self { bends: true, ..value.clone() };
-            bent.values[place] = low + (high - low) * f64::from(k) / f64::from(shape.pieces);
-            bent
+        let piece = (high - low) / f64::from(shape.pieces);
+        let near = |step: i32| self.values[place] + share * piece * f64::from(step) / f64::from(steps);
+        let shapes: Vec<f64> = if self.bends {
+            (-(steps as i32)..=steps as i32).map(near).collect()
+        } else {
+            (0..=shape.pieces).map(|k| low + piece * f64::from(k)).collect()
         };
-        let shapes = (0..=shape.pieces).flat_map(|k| values.iter().map(move |value| at(k, value)));
-        shapes.filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
-    }
-
-    /// Values near those of one that is bent in jumps, `share` of a piece away at most, in so many steps to either side.
-    pub fn beside_in_jumps(&self, share: f64, steps: u32) -> Vec<Self> {
-        let Some((place, shape)) = self.kind.shape() else { return Vec::new() };
-        let piece = (shape.plausible.1 - shape.plausible.0) / f64::from(shape.pieces);
-        let values: Vec<Self> = self.around(share, steps).into_iter().chain([self.clone()]).collect();
-        let steps = steps as i32;
-        let at = |step: i32, value: &Self| {
-            let mut bent = value.clone();
-            bent.bends = true;
-            bent.values[place] = self.values[place] + share * piece * f64::from(step) / f64::from(steps);
-            bent
-        };
-        let all = (-steps..=steps).flat_map(|step| values.iter().map(move |value| at(step, value)));
-        all.filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
+        let values = self.around(share, steps).into_iter().chain([self.clone()]);
+        let bent = values.flat_map(|value| {
+            let at = |shape: &f64| {
+                let mut bent = Self { bends: true, ..value.clone() };
+                bent.values[place] = *shape;
+                bent
+            };
+            shapes.iter().map(at).collect::<Vec<_>>()
+        });
+        bent.filter(|bent| (bent.kind.check)(&bent.values).is_ok()).collect()
     }
 
     /// Where searches of a value start. One that has a sign may have the other one: speed is bent the other way than thrust.

@@ -113,6 +113,9 @@ mod tests {
     use rotorlead_plant::Catalog;
 
     use super::*;
+    use crate::estimate::settle::settle;
+    use crate::model::hypothesis::Hypothesis;
+    use crate::testing::{likelihood, records};
 
     #[test]
     fn a_grid_near_that_of_a_counter_has_a_whole_number_of_steps() {
@@ -120,5 +123,25 @@ mod tests {
         let mut candidate = Candidate::new(kind, kind.null());
         candidate.values[0] = 0.011_765;
         assert_eq!(QuantizerStep.rounded(&candidate).unwrap().values[0], 1.0 / 85.0);
+    }
+
+    #[test]
+    fn a_grid_is_heard_beside_what_makes_the_response_late() {
+        let late = "[[effect]]\nkind = \"transport_delay\"\nparameters = { delay_s = 0.015 }\n\
+                    [[effect]]\nkind = \"clock_skew\"\nparameters = { skew_ppm = 1000.0 }\n";
+        let grid = "[[effect]]\nkind = \"command_quantization\"\nparameters = { step = 0.0125 }\n";
+        let (likelihood, base) = likelihood(&records(&format!("{late}{grid}"), 0.05, 0));
+        let catalog = Catalog::standard();
+        let of = |kind: &str, value: f64| {
+            let kind = catalog.find(kind).unwrap();
+            let mut values = kind.null();
+            values[0] = value;
+            Candidate::new(kind, values)
+        };
+        let lags = Hypothesis::of_lags(base);
+        let start = lags.with(of("transport_delay", 0.015)).with(of("clock_skew", 1000.0));
+        let (likelihood, beside) = settle(&likelihood, &start, true).unwrap();
+        let loudest = steps(&likelihood, &beside, catalog.find("command_quantization").unwrap());
+        assert!((loudest[0].values[0] / 0.0125 - 1.0).abs() < 0.005, "{loudest:?}");
     }
 }

@@ -5,46 +5,29 @@
 //! alone. All members are compared under one noise; where what does not repeat is an effect's, the noise is taken once more from what
 //! the best member leaves, and all follow.
 
-use rayon::prelude::*;
 use rotorlead_plant::effect::Kind;
 
 use super::evidence::evidence;
 use crate::data::dataset::Split;
 use crate::estimate::fit::{Fit, fit, fit_behind, fit_in};
-use crate::estimate::frame_rate;
 use crate::estimate::profile::profile_non_smooth;
-use crate::likelihood::{InitialCondition, Likelihood, hold_delay};
-use crate::model::candidate::Candidate;
+use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
-use crate::propose::frames;
-use crate::propose::scan::Scan;
 use crate::select::explain::{Explanation, Search};
 use crate::select::policy::{ALIKE, HOPELESS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
-use crate::select::screen::{Look, Screened, promising};
+use crate::select::screen::{Screened, promising};
 use crate::select::tried::Tried;
 use crate::select::weak_evidence;
 
 /// Members of a size that go on to the next, from none on.
 const WIDTHS: [usize; MOST_EFFECTS] = [1, 4, 2];
 /// Steps of a first joint fit, and those of one that goes on.
-const FIRST: usize = 3;
+pub(crate) const FIRST: usize = 3;
 const NEXT: usize = 12;
 /// What a fit that goes on has to catch up with at least, in log evidence: less makes no difference.
 const CATCH_UP: f64 = 3.0;
-/// Members of a size that are fitted to the end, and of one kind that are bent.
-const FINISHED: usize = 3;
-const BENT: usize = 4;
-/// Values that are tried with every shape where a response depends in jumps on both, in pieces to either side, and how many of them are
-/// looked at on all records.
-const PIECES_AROUND: u32 = 20;
-const SHAPES: usize = 12;
-/// How much nearer it is looked around the best of them, in pieces, and in how many steps to either side.
-const NEARER: [f64; 2] = [0.8, 0.2];
-const NEARER_STEPS: u32 = 3;
 /// What is behind by more than this does not catch up by a better fit.
 const APART: f64 = 3.0 * ALIKE;
-/// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
-const ALL_ALIKE: f64 = -3.0;
 /// Members that are fitted again when the noise changes.
 const KEPT: usize = 10;
 /// Noise that changes the chi-square of the best by no more than this part is the same.
@@ -84,14 +67,14 @@ pub(crate) struct Pool(Vec<Member>);
 
 impl Pool {
     /// Puts a member in the place of that of the same kinds.
-    fn replace(&mut self, member: Member) {
+    pub fn replace(&mut self, member: Member) {
         let kinds = member.kinds();
         self.0.retain(|other| other.kinds() != kinds);
         self.add(member);
     }
 
     /// Adds a member, unless there is a better one of the same kinds.
-    fn add(&mut self, member: Member) {
+    pub fn add(&mut self, member: Member) {
         let kinds = member.kinds();
         match self.0.iter_mut().find(|other| other.kinds() == kinds) {
             Some(other) if other.evidence < member.evidence => *other = member,
@@ -107,7 +90,7 @@ impl Pool {
     }
 
     /// Those of so many kinds, the best first.
-    fn of_size(&self, size: usize) -> impl Iterator<Item = &Member> {
+    pub fn of_size(&self, size: usize) -> impl Iterator<Item = &Member> {
         self.0.iter().filter(move |member| member.size() == size)
     }
 
@@ -189,35 +172,13 @@ impl Search<'_> {
         Some((pool, screened))
     }
 
-    /// Fits the best members of a size to the end, and bends them where the best of them that is plausible leaves more than noise.
-    fn finish(&self, pool: &mut Pool, size: usize) {
-        let Some(best) = pool.of_size(size).next() else { return };
-        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < ALIKE);
-        let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
-        let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
-        let explains = finished.iter().find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit));
-        let mut bent = Vec::new();
-        if !explains {
-            let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
-            let half = 0.5 * (best.evidence + zero);
-            let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
-            for one in bending {
-                let behind = best.evidence - one.evidence;
-                bent.extend(self.bent(one, behind));
-                bent.extend((0..size).filter_map(|place| self.bent_in_jumps(one, place, behind)));
-            }
-        }
-        finished.into_iter().for_each(|member| pool.replace(member));
-        bent.into_iter().for_each(|member| pool.add(member));
-    }
-
     /// Whether a fit leaves nothing but noise.
     pub fn is_noise(&self, fit: &Fit) -> bool {
         self.likelihood.excess(&fit.hypothesis, Split::Train).is_surely_noise()
     }
 
     /// A joint fit that goes on, for what is `behind` the best.
-    fn further(&self, start: &Hypothesis, behind: f64) -> Option<Member> {
+    pub fn further(&self, start: &Hypothesis, behind: f64) -> Option<Member> {
         (self.progress)();
         let pace = (behind.max(0.0) + CATCH_UP, NEXT);
         fit_behind(&self.likelihood, start, self.lags, pace).map(|fit| self.member(fit))
@@ -244,67 +205,6 @@ impl Search<'_> {
             }
         }
         members
-    }
-
-    /// Joint fits with one of the effects bent.
-    fn bent(&self, member: &Member, behind: f64) -> Vec<Member> {
-        let effects = &member.fit.hypothesis.effects;
-        let starts = effects
-            .iter()
-            .enumerate()
-            .flat_map(|(place, effect)| effect.bent().into_iter().map(move |bent| (place, bent)));
-        starts
-            .filter_map(|(place, bent)| {
-                let mut start = member.fit.hypothesis.clone();
-                start.effects[place] = bent;
-                self.further(&start, behind)
-            })
-            .collect()
-    }
-
-    /// The best fit with an effect bent on which the response depends in jumps: of all shapes, each with the values near its own, those
-    /// that one record speaks for, and then nearer and nearer on all of them.
-    fn bent_in_jumps(&self, member: &Member, place: usize, behind: f64) -> Option<Member> {
-        let hypothesis = &member.fit.hypothesis;
-        let bent = hypothesis.effects[place].bent_in_jumps(PIECES_AROUND);
-        if bent.is_empty() {
-            return None;
-        }
-        let rest = fit_in(&self.likelihood, &hypothesis.without(place), self.lags, FIRST)?;
-        let scan = Scan::new(&self.likelihood, &rest)?;
-        let look = Look::new(&self.likelihood, &rest)?;
-        (self.progress)();
-        let best_of = |candidates: Vec<Candidate>| {
-            let looked = candidates.into_par_iter().filter_map(|candidate| look.at(candidate, false));
-            looked.min_by(|a, b| a.0.total_cmp(&b.0))
-        };
-        let mut best = best_of(scan.least(&bent, SHAPES))?;
-        for share in NEARER {
-            (self.progress)();
-            best = best_of(best.1.beside_in_jumps(share, NEARER_STEPS))?;
-        }
-        self.further(&best.2, behind)
-    }
-
-    /// A member fitted to the end: with the frames of its hold where the records show them, and impossible where they would show them and
-    /// do not.
-    fn finished_member(&self, fit: Fit) -> Member {
-        let mean = self.member(fit);
-        let Some(hold) = mean.fit.hypothesis.effects.iter().position(Candidate::is_hidden_hold) else { return mean };
-        let waits = hold_delay::evidence(&self.likelihood, &mean.fit.hypothesis, Split::Train);
-        // Where single changes wait alike there are no frames to be found.
-        let framed = if waits > ALL_ALIKE { self.framed(&mean.fit, hold) } else { None }.map(|fit| self.member(fit));
-        let found = framed.as_ref().map(|framed| framed.fit.chi_square);
-        let is_missed = frames::are_missed(&self.likelihood, &mean.fit, hold, found);
-        let best = framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean);
-        if is_missed { Member { evidence: f64::NEG_INFINITY, ..best } } else { best }
-    }
-
-    /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show them.
-    fn framed(&self, mean: &Fit, effect: usize) -> Option<Fit> {
-        let framed = frames::find(&self.likelihood, mean, effect)?;
-        let framed = fit(&self.likelihood, &framed, self.lags)?;
-        fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
     }
 
     /// The members under the noise that the best of a size leaves.
@@ -345,6 +245,7 @@ mod tests {
     use rotorlead_plant::Catalog;
 
     use super::*;
+    use crate::model::candidate::Candidate;
     use crate::testing::{likelihood, records};
 
     /// What is found in records of a motor with these effects.
@@ -385,5 +286,14 @@ mod tests {
         assert_eq!(names(&found), ["second_pole"]);
         let (place, _) = found[0].kind.shape().unwrap();
         assert!(found[0].bends && (found[0].values[place] - 0.4).abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
+    fn a_dead_band_that_grows_with_the_command_keeps_its_name_and_says_its_shape() {
+        let found = found(&effect("dead_band", "width = 0.006, width_growth_per_duty = 4.0"));
+        assert_eq!(names(&found), ["dead_band"]);
+        let (place, _) = found[0].kind.shape().unwrap();
+        let (width, growth) = (found[0].values[0], found[0].values[place]);
+        assert!((width / 0.006 - 1.0).abs() < 0.01 && (growth - 4.0).abs() < 0.3, "{found:?}");
     }
 }

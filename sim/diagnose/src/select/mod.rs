@@ -6,6 +6,7 @@ mod choose;
 pub(crate) mod decision;
 mod evidence;
 pub(crate) mod explain;
+mod finish;
 pub(crate) mod folds;
 pub(crate) mod plateau_search;
 pub(crate) mod policy;

@@ -1,0 +1,113 @@
+//! The best sets of a size fitted to the end: with laws that bend where they leave more than noise, and with frames where they lie.
+
+use rayon::prelude::*;
+
+use super::beam::{FIRST, Member, Pool};
+use crate::data::dataset::Split;
+use crate::estimate::fit::{Fit, fit, fit_in};
+use crate::estimate::frame_rate;
+use crate::likelihood::hold_delay;
+use crate::model::candidate::Candidate;
+use crate::propose::frames;
+use crate::propose::scan::Scan;
+use crate::select::explain::Search;
+use crate::select::policy::ALIKE;
+use crate::select::screen::Look;
+
+/// Members of a size that are fitted to the end, and of one kind that are bent.
+const FINISHED: usize = 3;
+const BENT: usize = 4;
+/// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
+const ALL_ALIKE: f64 = -3.0;
+/// Values that are tried with every shape where a response depends in jumps on both, in pieces to either side, and how many of them are
+/// looked at on all records.
+const PIECES_AROUND: u32 = 20;
+const SHAPES: usize = 12;
+/// How much nearer it is looked around the best of them, in pieces, and in how many steps to either side.
+const NEARER: [f64; 2] = [0.8, 0.2];
+const NEARER_STEPS: u32 = 3;
+
+impl Search<'_> {
+    /// Fits the best members of a size to the end, and bends them where the best of them that is plausible leaves more than noise.
+    pub fn finish(&self, pool: &mut Pool, size: usize) {
+        let Some(best) = pool.of_size(size).next() else { return };
+        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < ALIKE);
+        let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
+        let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
+        let explains = finished.iter().find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit));
+        let mut bent = Vec::new();
+        if !explains {
+            let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
+            let half = 0.5 * (best.evidence + zero);
+            let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
+            for one in bending {
+                let behind = best.evidence - one.evidence;
+                bent.extend(self.bent(one, behind));
+                bent.extend((0..size).filter_map(|place| self.bent_in_jumps(one, place, behind)));
+            }
+        }
+        finished.into_iter().for_each(|member| pool.replace(member));
+        bent.into_iter().for_each(|member| pool.add(member));
+    }
+
+    /// Joint fits with one of the effects bent.
+    fn bent(&self, member: &Member, behind: f64) -> Vec<Member> {
+        let effects = &member.fit.hypothesis.effects;
+        let starts = effects
+            .iter()
+            .enumerate()
+            .flat_map(|(place, effect)| effect.bent().into_iter().map(move |bent| (place, bent)));
+        starts
+            .filter_map(|(place, bent)| {
+                let mut start = member.fit.hypothesis.clone();
+                start.effects[place] = bent;
+                self.further(&start, behind)
+            })
+            .collect()
+    }
+
+    /// The best fit with an effect bent on which the response depends in jumps: of all shapes, each with the values near its own, those
+    /// that one record speaks for, and then nearer and nearer on all of them.
+    fn bent_in_jumps(&self, member: &Member, place: usize, behind: f64) -> Option<Member> {
+        let hypothesis = &member.fit.hypothesis;
+        let bent = hypothesis.effects[place].bent_in_jumps(f64::from(PIECES_AROUND), PIECES_AROUND);
+        if bent.is_empty() {
+            return None;
+        }
+        let rest = fit_in(&self.likelihood, &hypothesis.without(place), self.lags, FIRST)?;
+        let scan = Scan::new(&self.likelihood, &rest)?;
+        let look = Look::new(&self.likelihood, &rest)?;
+        (self.progress)();
+        let best_of = |candidates: Vec<Candidate>| {
+            let looked = candidates.into_par_iter().filter_map(|candidate| look.at(candidate, false));
+            looked.min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut best = best_of(scan.least(&bent, SHAPES))?;
+        for share in NEARER {
+            (self.progress)();
+            best = best_of(best.1.bent_in_jumps(share, NEARER_STEPS))?;
+        }
+        self.further(&best.2, behind)
+    }
+
+    /// A member fitted to the end: with the frames of its hold where the records show them, and impossible where they would show them and
+    /// do not.
+    fn finished_member(&self, fit: Fit) -> Member {
+        let mean = self.member(fit);
+        let Some(hold) = mean.fit.hypothesis.effects.iter().position(Candidate::is_hidden_hold) else { return mean };
+        let waits = hold_delay::evidence(&self.likelihood, &mean.fit.hypothesis, Split::Train);
+        // Where single changes wait alike there are no frames to be found.
+        let framed = if waits > ALL_ALIKE { self.framed(&mean.fit, hold) } else { None }.map(|fit| self.member(fit));
+        let found = framed.as_ref().map(|framed| framed.fit.chi_square);
+        let is_missed = frames::are_missed(&self.likelihood, &mean.fit, hold, found);
+        let best = framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean);
+        if is_missed { Member { evidence: f64::NEG_INFINITY, ..best } } else { best }
+    }
+
+    /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show them.
+    fn framed(&self, mean: &Fit, effect: usize) -> Option<Fit> {
+        let framed = frames::find(&self.likelihood, mean, effect)?;
+        let framed = fit(&self.likelihood, &framed, self.lags)?;
+        fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
+    }
+}
