@@ -68,7 +68,7 @@ fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_perce
     // What is named is there: no interval holds the value at which the effect vanishes, and no gap is wider with it.
     for effect in &found.effects {
         assert!(effect.gap_after < effect.gap_before, "{effect:?}");
-        let fitted = effect.parameters.iter().filter(|(parameter, _)| parameter.usage == Use::Fitted);
+        let fitted = effect.parameters.iter().filter(|(parameter, _)| matches!(parameter.usage, Use::Fitted));
         for (parameter, estimate) in fitted.filter(|(parameter, _)| parameter.null.is_finite()) {
             assert!((estimate.value - parameter.null).abs() > 1.96 * estimate.std, "{} {estimate:?}", parameter.name);
         }

@@ -9,7 +9,7 @@ use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Shows, Site, Us
 const BEGIN: &str = "<!-- catalog: `cargo xtask docs` writes what follows -->\n";
 const END: &str = "<!-- end of the catalog -->";
 
-/// Every kind with its equation, parameters, signature, confusions and sources, as Markdown.
+/// Every kind with its equation, parameters, signature, confusions, remedy and sources, as Markdown.
 #[must_use]
 pub fn catalog_markdown(catalog: &Catalog) -> String {
     let mut text = String::from("| kind | what | where in the chain | parameters |\n|---|---|---|---|\n");
@@ -40,12 +40,13 @@ fn describe(text: &mut String, kind: &Kind) {
     for confusion in kind.confusions {
         line(format!("- or `{}`? {}", confusion.with, confusion.experiment));
     }
-    line(format!("\nSources: {}.", kind.sources.join("; ")));
+    line(format!("\nWhat to do: {}.\n", kind.remedy));
+    line(format!("Sources: {}.", kind.sources.join("; ")));
 }
 
 fn row(parameter: &Parameter) -> String {
     let null = match (parameter.usage, parameter.null) {
-        (Use::Optional(_) | Use::Shape(_), _) => "-".to_owned(),
+        (Use::Optional(_) | Use::Shape { .. }, _) => "-".to_owned(),
         (_, null) if null.is_nan() => "any".to_owned(),
         (_, null) if null.is_infinite() => "infinity".to_owned(),
         (_, null) => format!("{null}"),
@@ -58,7 +59,7 @@ fn row(parameter: &Parameter) -> String {
     let usage = match parameter.usage {
         Use::Fitted => String::new(),
         Use::Optional(default) => format!("optional, {default} where absent"),
-        Use::Shape(neutral) => format!("shape, {neutral} where absent"),
+        Use::Shape { neutral, .. } => format!("shape, {neutral} where absent"),
     };
     let (name, unit, meaning) = (parameter.name, parameter.unit, parameter.meaning);
     format!("| `{name}` | {unit} | {meaning} | {null} | {low} to {high}, {steps} | {usage} |")

@@ -1,15 +1,16 @@
 //! What a diagnosis found.
 
+use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
 use rotorlead_assess::{Assessment, NotCompared, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
 use rotorlead_identify::{Estimate, IdentifyOptions};
-use rotorlead_plant::effect::{Kind, Parameter};
+use rotorlead_plant::effect::{Kind, Parameter, Use};
 use rotorlead_plant::{Model, Point, Provenance};
 use rotorlead_records::Experiment;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::IdentifyResult;
 
@@ -28,6 +29,7 @@ pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
     let next = found.next_experiment().map(|next| next.words);
     let mut values = object(found);
     values.insert("next_experiment".to_owned(), json!(next));
+    values.insert("effects".to_owned(), found.effects.iter().map(effect_values).collect());
     let verdict = Said::new(diagnosis_tone(found.verdict), headline(found));
     Answer {
         name: "diagnosis",
@@ -245,6 +247,34 @@ fn place(part: &Location) -> String {
     format!("{where_it_is}: {:.0}", 100.0 * part.share)
 }
 
+/// An effect for programs.
+fn effect_values(effect: &NamedEffect) -> Value {
+    let mut values = object(effect);
+    values.insert("bends".to_owned(), json!(bends(effect)));
+    values.insert("to_do".to_owned(), json!(effect.kind.remedy));
+    Value::Object(values)
+}
+
+/// How an effect bends the law of the catalog, a clause; `None` where it does not, as far as the records can tell.
+fn bends(effect: &NamedEffect) -> Option<String> {
+    effect.parameters.iter().find_map(|(parameter, estimate)| {
+        let Use::Shape { neutral, says } = parameter.usage else { return None };
+        estimate.excludes(neutral).then(|| says(estimate.value))
+    })
+}
+
+/// What is to be said of an effect beside its numbers, what to do last.
+pub fn effect_notes(effect: &NamedEffect) -> Vec<String> {
+    let bends = bends(effect).map(|how| format!("Its law bends: {how}."));
+    let others = (!effect.alternatives.is_empty())
+        .then(|| format!("The records cannot tell it from {}.", named(&effect.alternatives)));
+    let reservation = effect.reservation.as_ref();
+    let reservation = reservation
+        .map(|reservation| format!("It fails {reservation}; named, since nothing but noise is left with it."));
+    let to_do = sentence(effect.kind.remedy);
+    bends.into_iter().chain(others).chain(reservation).chain([to_do]).collect()
+}
+
 /// The parameters of an effect.
 fn effect_table(effect: &NamedEffect) -> Table {
     let caption = format!(
@@ -255,17 +285,7 @@ fn effect_table(effect: &NamedEffect) -> Table {
         100.0 * effect.gap_after,
         effect.evidence
     );
-    let mut notes = Vec::new();
-    if !effect.alternatives.is_empty() {
-        notes.push(format!("The records cannot tell it from {}.", named(&effect.alternatives)));
-    }
-    notes.extend(
-        effect
-            .reservation
-            .as_ref()
-            .map(|reservation| format!("It fails {reservation}; named, since nothing but noise is left with it.")),
-    );
-    Table { notes, ..parameter_table(effect.kind, caption, &effect.parameters) }
+    Table { notes: effect_notes(effect), ..parameter_table(effect.kind, caption, &effect.parameters) }
 }
 
 /// Parameters with their standard errors and units.
@@ -350,4 +370,58 @@ fn tried(tried: &[TriedKind]) -> Table {
         finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),
     ];
     table_of("tried", format!("Kinds tried alone: log likelihood gained; {SCORE}"), &columns, tried)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rotorlead_plant::Catalog;
+
+    /// An effect that is named with a value for each of its fitted parameters, and bent where `is_bent`.
+    fn effect(kind: &'static Kind, is_bent: bool) -> NamedEffect {
+        let shape = kind.shape().filter(|_| is_bent);
+        let parameters = kind.fitted().chain(shape);
+        NamedEffect {
+            kind,
+            parameters: parameters
+                .map(|(_, parameter)| (parameter, Estimate::normal(parameter.starts[0], 1e-3)))
+                .collect(),
+            evidence: 100.0,
+            alternatives: Vec::new(),
+            reservation: None,
+            gap_before: 0.1,
+            gap_after: 0.02,
+        }
+    }
+
+    #[test]
+    fn an_effect_says_how_its_law_bends_and_last_what_to_do() {
+        let catalog = Catalog::standard();
+        for kind in catalog.kinds() {
+            let [straight, bent] = [false, true].map(|is_bent| effect(kind, is_bent));
+            let to_do = sentence(kind.remedy);
+            assert_eq!(effect_notes(&straight), std::slice::from_ref(&to_do));
+            assert_eq!(effect_values(&straight)["bends"], Value::Null);
+            let Some((_, shape)) = kind.shape() else { continue };
+            let Use::Shape { says, .. } = shape.usage else { unreachable!("it is a shape") };
+            let words = says(shape.starts[0]);
+            assert_eq!(effect_notes(&bent), [format!("Its law bends: {words}."), to_do]);
+            let values = effect_values(&bent);
+            assert_eq!((&values["bends"], &values["to_do"]), (&json!(words), &json!(kind.remedy)));
+            assert_eq!(values["parameters"][shape.name]["value"], json!(shape.starts[0]));
+        }
+        let slew = effect(catalog.find("slew_limit").unwrap(), true);
+        let text = effect_table(&slew).text();
+        assert!(text.contains("\n  Its law bends: it slews 20 % slower downward.\n"), "{text}");
+        assert!(text.contains("\n  Where it is a ramp or a soft start of the ESC, switch that off in its"), "{text}");
+    }
+
+    #[test]
+    fn a_law_whose_shape_may_be_the_catalogs_does_not_bend() {
+        let mut play = effect(Catalog::standard().find("backlash").unwrap(), true);
+        for (std, is_said) in [(0.1, true), (0.2, false), (f64::INFINITY, false), (f64::NAN, false)] {
+            play.parameters[1].1 = Estimate::normal(0.3, std);
+            assert_eq!(bends(&play).is_some(), is_said, "{std}");
+        }
+    }
 }

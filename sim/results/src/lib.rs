@@ -35,6 +35,7 @@ pub use catalog::{catalog_markdown, with_catalog};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, Designed, design_section, in_short, judged, of_another_model};
+use diagnosis::effect_notes;
 pub use diagnosis::{diagnosed_model, diagnosis_answer};
 pub use distortion::DistortionValues;
 pub use experiment::{excitation_section, experiment_facts, simulation_section};

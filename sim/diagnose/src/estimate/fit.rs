@@ -226,7 +226,7 @@ impl Fit {
     pub fn excludes_absence(&self, effect: usize) -> bool {
         let candidate = &self.hypothesis.effects[effect];
         Candidate::searched(candidate.kind)
-            .filter(|(_, parameter)| parameter.null.is_finite() && parameter.usage == Use::Fitted)
+            .filter(|(_, parameter)| parameter.null.is_finite() && matches!(parameter.usage, Use::Fitted))
             .all(|(value, parameter)| {
                 let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
                 let std = std * slope(parameter, candidate.values[value]).abs();

@@ -115,7 +115,7 @@ impl Candidate {
             Use::Fitted => true,
             // An optional one with several starts has to be right for the rest to fit at all.
             Use::Optional(_) => parameter.starts.len() > 1,
-            Use::Shape(_) => false,
+            Use::Shape { .. } => false,
         };
         kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
     }

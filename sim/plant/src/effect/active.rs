@@ -77,7 +77,7 @@ impl ActiveEffect {
     /// goes without its shape.
     #[must_use]
     pub fn to_effect(&self, std: &[f64]) -> Effect {
-        let is_written = |place: usize, parameter: &Parameter| parameter.usage != Use::Shape(self.values[place]);
+        let is_written = |place: usize, parameter: &Parameter| !matches!(parameter.usage, Use::Shape { neutral, .. } if neutral == self.values[place]);
         let named = |values: &[f64]| {
             let all = self.kind.parameters.iter().zip(values).enumerate();
             let written = all.filter(|(place, (parameter, value))| is_written(*place, parameter) && value.is_finite());

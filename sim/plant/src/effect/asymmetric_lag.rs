@@ -1,6 +1,6 @@
 //! Speeding up and slowing down take different times.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::{Motion, RotorTerm};
 
 /// Two time constants, one for each direction.
@@ -25,7 +25,10 @@ pub static KIND: Kind = Kind {
         .possible(-1.0, 1.0)
         .linear(-1.0, 1.0, &[-0.5, 0.5])
         .smooth()
-        .shape(0.0),
+        .shape(0.0, |growth| {
+                let [least, largest] = [1.0 - growth, 1.0 + growth].map(two_digits);
+                format!("its ratio is to the power of {least} in the smallest steps, and of {largest} in the largest")
+            }),
     ],
     signature: "Rising and falling steps have different time constants, the same ones at every amplitude. Even lines in \
                 proportion to the amplitude, and a shift of the mean.",
@@ -39,6 +42,8 @@ pub static KIND: Kind = Kind {
             experiment: "A slow staircase shows the static map alone; unequal lags go when it is slow.",
         },
     ],
+    remedy: "switch the ESC's active braking on (also called damped or complementary mode), and record again; where it stays, design an \
+             inverse (`--kind inverse`), which overshoots in neither direction",
     sources: &[
         "ESCs drive a rotor actively upward and let air slow it down: 1.3 to 2 without active braking",
         "Pintelon & Schoukens, System Identification, 2nd ed., ch. 4: even nonlinearities at even lines",

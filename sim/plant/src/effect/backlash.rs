@@ -1,6 +1,6 @@
 //! Play between command and effect.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// The output moves only where the command pushes it.
@@ -20,7 +20,9 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 1.0)
             .linear(0.0, 0.9, &[0.3, 0.6])
             .smooth()
-            .shape(0.0),
+            .shape(0.0, |compliance| {
+                format!("{} % of the motion within its play comes through", two_digits(100.0 * compliance))
+            }),
     ],
     signature: "Small amplitudes lose gain and lag behind, by the same at every frequency. Response against command is a loop \
                 of the play's width that stays however slow the command is.",
@@ -35,6 +37,7 @@ pub static KIND: Kind = Kind {
             experiment: "Double the amplitude: the phase of play halves, that of a delay stays.",
         },
     ],
+    remedy: "look for hysteresis at the ESC's input and send a digital command (DShot), which has none; take up the play of a servo or a linkage",
     sources: &["Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3"],
     linearity: Linearity::Absent,
     shows: Shows::BetweenLevels,

@@ -19,6 +19,7 @@ pub static KIND: Kind = Kind {
         with: "transport_delay",
         experiment: "Compare early and late periods of a long record: a delay stays, skew grows from nothing.",
     }],
+    remedy: "a fault of the logging, not of the motor: stamp commands and responses with one clock, and record again",
     sources: &["crystals differ by 10 to 100 ppm, ceramic resonators and RC oscillators by up to 2000"],
     linearity: Linearity::Absent,
     shows: Shows::BetweenClocks,

@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
             experiment: "A slow triangle: a grid leaves the mean response the same up and down, play does not.",
         },
     ],
+    remedy: "the ESC or the protocol resolves no more: send the command with a finer protocol (DShot has 2000 steps) before it is sped up",
     sources: &[
         "Widrow & Kollar, Quantization Noise, 2008, ch. 1",
         "PWM at 1 us of 1000 us is 1/1000; DShot has 1/2000; 8-bit links have 1/256 and fewer",

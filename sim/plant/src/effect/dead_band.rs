@@ -1,6 +1,6 @@
 //! Small changes of the command are ignored.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// Keeps the last command until the new one differs from it by the width.
@@ -23,7 +23,10 @@ pub static KIND: Kind = Kind {
             .linear(-6.0, 6.0, &[-2.0, 2.0])
             // 6 changes the width by 30 % at a deviation of 0.05: 60 steps of 1 %, as above.
             .jumping(60)
-            .shape(0.0),
+            .shape(0.0, |growth| {
+                let verb = if growth < 0.0 { "shrinks" } else { "grows" };
+                format!("its width {verb} by {} % with each 0.1 duty of command", two_digits(10.0 * growth.abs()))
+            }),
     ],
     signature: "Small amplitudes lose gain, and below the width there is no response at all. Stairs on a slow ramp, that begin \
                 where the command turned; half a width of lag on average, independent of speed.",
@@ -37,6 +40,7 @@ pub static KIND: Kind = Kind {
             experiment: "A slow triangle: play follows smoothly once it is taken up, a dead band jumps by its width.",
         },
     ],
+    remedy: "switch off the filter at the ESC's input, or send a digital command (DShot), which has no jitter to ignore",
     sources: &[
         "Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3",
         "input filters of ESCs ignore jitter of some microseconds of pulse width: 0.002 to 0.01",

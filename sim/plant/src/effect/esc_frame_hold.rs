@@ -29,6 +29,7 @@ pub static KIND: Kind = Kind {
         experiment: "Change the frame rate of the ESC's protocol, or excite near half the suspected frame rate and look for \
                      the image at frame_hz - f: a delay has none.",
     }],
+    remedy: "send the command with a protocol of more frames a second (OneShot125, DShot), and record again",
     sources: &[
         "Franklin, Powell & Workman, Digital Control of Dynamic Systems, sec. 5.3: the hold and its images",
         "Charla, Yao & Voyles: 600 Hz; analog PWM at 50 to 490 Hz",

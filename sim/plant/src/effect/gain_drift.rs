@@ -38,6 +38,8 @@ pub static KIND: Kind = Kind {
             experiment: "Compare the first and the last period: a wrong gain is wrong in both alike.",
         },
     ],
+    remedy: "warm up motor and load cell before each record, and record again; where it stays, the loops around the motor have to make up \
+             for it",
     sources: &["magnets and windings lose 3 to 15 % while they heat over 10 to 60 s; strain gauges drift alike"],
     linearity: Linearity::Absent,
     shows: Shows::Anywhere,

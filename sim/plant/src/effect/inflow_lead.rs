@@ -43,6 +43,7 @@ pub static KIND: Kind = Kind {
             experiment: "A hammer on the stand with the motor off: the air's lead is gone, the stand's mode is not.",
         },
     ],
+    remedy: "nothing is to be repaired: the air leads in flight too, so keep it in the model that a compensator is designed for (`--out-model`)",
     sources: &[
         "Carpenter & Fridovich, Effect of a Rapid Blade-Pitch Increase on the Thrust and Induced-Velocity Response of a \
          Full-Scale Helicopter Rotor, NACA TN 3044, 1953",

@@ -27,6 +27,8 @@ pub struct Kind {
     pub signature: &'static str,
     /// What it is mistaken for, and what tells them apart.
     pub confusions: &'static [Confusion],
+    /// What it means for flying, and what to do: words without a capital and a full stop, as those of a finding.
+    pub remedy: &'static str,
     /// Where equation and numbers come from.
     pub sources: &'static [&'static str],
     /// What [`Kind::response`] means.
@@ -124,7 +126,7 @@ pub enum Search {
 }
 
 /// One parameter of a kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Parameter {
     /// Name in files, with its unit.
     pub name: &'static str,
@@ -159,14 +161,19 @@ pub enum Scale {
 }
 
 /// Whether a parameter has to be given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub enum Use {
     /// It makes the effect: a model gives it, and a fit finds it.
     Fitted,
     /// A refinement: absent it has this value, and a fit leaves it there unless the data can tell.
     Optional(f64),
-    /// Bends the law: absent it has this value, at which the law is the catalog's; a fit finds it only where it is asked to.
-    Shape(f64),
+    /// Bends the law: a fit finds it only where it is asked to.
+    Shape {
+        /// The value that it has where it is absent: at it the law is the catalog's.
+        neutral: f64,
+        /// How another value bends the law, in a clause.
+        says: fn(f64) -> String,
+    },
 }
 
 /// Another kind that looks alike.
@@ -188,13 +195,13 @@ impl Kind {
 
     /// The parameters that a fit finds, with their places among all.
     pub fn fitted(&self) -> impl Iterator<Item = (usize, &'static Parameter)> {
-        self.parameters.iter().enumerate().filter(|(_, parameter)| parameter.usage == Use::Fitted)
+        self.parameters.iter().enumerate().filter(|(_, parameter)| matches!(parameter.usage, Use::Fitted))
     }
 
     /// The parameter that bends its law, with its place among all. A kind has one at most.
     #[must_use]
     pub fn shape(&self) -> Option<(usize, &'static Parameter)> {
-        self.parameters.iter().enumerate().find(|(_, parameter)| matches!(parameter.usage, Use::Shape(_)))
+        self.parameters.iter().enumerate().find(|(_, parameter)| matches!(parameter.usage, Use::Shape { .. }))
     }
 
     /// For [`Kind::check`] of kinds whose parameters have nothing to do with each other.
@@ -254,7 +261,7 @@ impl Parameter {
     pub fn default(&self) -> Option<f64> {
         match self.usage {
             Use::Fitted => None,
-            Use::Optional(default) | Use::Shape(default) => Some(default),
+            Use::Optional(default) | Use::Shape { neutral: default, .. } => Some(default),
         }
     }
 
@@ -301,11 +308,17 @@ impl Parameter {
         self
     }
 
-    /// Bends the law, which is the catalog's at `neutral`. The effect is there at any value, so that none is its null value. The
-    /// width of the plausible range is how far, as a rule, actuators are from the catalog's law.
-    pub const fn shape(mut self, neutral: f64) -> Self {
-        self.usage = Use::Shape(neutral);
+    /// Bends the law, which is the catalog's at `neutral`; `says` how, of another value. The effect is there at any value, so that none
+    /// is its null value. The width of the plausible range is how far, as a rule, actuators are from the catalog's law.
+    pub const fn shape(mut self, neutral: f64, says: fn(f64) -> String) -> Self {
+        self.usage = Use::Shape { neutral, says };
         self.null = f64::NAN;
         self
     }
+}
+
+/// A number to two significant digits, or to the unit where it is larger, for what a shape says.
+pub(super) fn two_digits(value: f64) -> String {
+    let decimals = (1.0 - value.abs().max(1e-6).log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
 }

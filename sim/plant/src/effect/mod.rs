@@ -1,8 +1,8 @@
 //! What an actuator does beyond a first-order lag: one file per kind of effect.
 //!
 //! A file has everything that is known of its kind: the equation with its source, the parameters with their units, null
-//! values and plausible ranges, how it shows, what it is mistaken for and which experiment tells them apart; and how it is
-//! simulated and linearized. A new kind is a file with a `pub static KIND` and a line in the list below, at its place in the
+//! values and plausible ranges, how it shows, what it is mistaken for and which experiment tells them apart; what to do about
+//! it; and how it is simulated and linearized. A new kind is a file with a `pub static KIND` and a line in the list below, at its place in the
 //! chain.
 
 mod active;
@@ -12,6 +12,7 @@ mod part;
 
 pub use active::{ActiveEffect, LinearChain};
 pub use catalog::Catalog;
+use kind::two_digits;
 pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Search, Shows, Site, Use};
 pub use part::Part;
 

@@ -1,6 +1,6 @@
 //! The time constant is that of the speed of the moment.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::{Motion, RotorTerm};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
@@ -26,7 +26,13 @@ pub static KIND: Kind = Kind {
             .possible(-5.0, 5.0)
             .linear(-2.0, 2.5, &[-0.7, 0.7])
             .smooth()
-            .shape(0.0),
+            .shape(0.0, |linear| {
+                let what = if linear < 0.0 { "adds" } else { "takes off" };
+                format!(
+                    "beside its power, 10 % more speed {what} {} % of the time constant",
+                    two_digits(10.0 * linear.abs())
+                )
+            }),
     ],
     signature: "The pole moves with the nominal command and within a step: steps up begin slowly, steps down fast, and both by \
                 more the larger they are. Even lines that grow with the square of the amplitude.",
@@ -40,6 +46,8 @@ pub static KIND: Kind = Kind {
             experiment: "A slow staircase: the static map is straight where only the pole moves.",
         },
     ],
+    remedy: "design an inverse (`--kind inverse`), whose zero follows the rotor over the commands; that of a lead is right at the fastest \
+             operating point alone",
     sources: &[
         "drag torque is the square of the speed, so J dw/dt = k u - c w^2 has the pole 2 c w / J: tau ~ 1/w (Mahony, Kumar & \
          Corke, Multirotor Aerial Vehicles, IEEE RAM 2012)",

@@ -31,6 +31,8 @@ pub static KIND: Kind = Kind {
                          standstill.",
         },
     ],
+    remedy: "the numbers of the model are wrong, not the motor: take the improved model (`--out-model`) in place of the given one, and design \
+             again",
     sources: &["Charla, Yao & Voyles, eq. (1): the model itself"],
     linearity: Linearity::Exact,
     shows: Shows::Anywhere,

@@ -1,6 +1,6 @@
 //! Curvature of steady thrust against command.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::RotorTerm;
 
 /// A parabola in place of the straight line.
@@ -25,7 +25,11 @@ pub static KIND: Kind = Kind {
             .possible(-1000.0, 1000.0)
             .linear(-30.0, 30.0, &[-10.0, 10.0])
             .smooth()
-            .shape(0.0),
+            .shape(0.0, |cubic| {
+                let how = if cubic < 0.0 { "flatter" } else { "steeper" };
+                let off_percent = two_digits(100.0 * 3.0 * cubic.abs() * 0.05_f64.powi(2));
+                format!("0.05 duty to either side it is {how} than a parabola, by {off_percent} % of its slope")
+            }),
     ],
     signature: "Even lines that grow with the square of the amplitude and follow the static map; the mean thrust rises with the \
                 amplitude. The pole is the same at every level and in both directions.",
@@ -43,6 +47,8 @@ pub static KIND: Kind = Kind {
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },
     ],
+    remedy: "let the flight controller straighten the map: `rotorlead export` writes `thrust_linear` of Betaflight, `THR_MDL_FAC` of PX4 and \
+             `MOT_THST_EXPO` of ArduPilot",
     sources: &[
         "thrust is the square of the speed (Leishman, Principles of Helicopter Aerodynamics, ch. 2)",
         "Pintelon & Schoukens, System Identification, 2nd ed., ch. 4: even nonlinearities at even lines",

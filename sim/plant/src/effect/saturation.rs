@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
@@ -26,7 +26,7 @@ pub static KIND: Kind = Kind {
         Parameter::fitted("knee", "duty", "on either side of `max`, the range of commands over which the clip bends")
             .possible(0.0, 0.5)
             .linear(0.0, 0.03, &[0.005, 0.015])
-            .shape(0.0),
+            .shape(0.0, |knee| format!("its knee reaches {} duty to either side of `max`", two_digits(knee))),
     ],
     signature: "Flat tops of the response. Gain falls and harmonics grow with amplitude, but only where the command passes the \
                 limit: at high nominal commands for a max, at low ones for a min. Below the limit nothing shows.",
@@ -41,6 +41,8 @@ pub static KIND: Kind = Kind {
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },
     ],
+    remedy: "beyond the limit nothing is left to gain: fly below it, raise the ESC's limit of current, or take a stronger motor. Declare it \
+             to an inverse (`--output-range` of `rotorlead design`), whose state then stays with the rotor",
     sources: &[
         "Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3",
         "current limits of hobby ESCs: 60 to 100 % of full throttle",

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -22,7 +22,7 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 1.0)
             .linear(0.0, 1.0, &[0.3, 0.8])
             .smooth()
-            .shape(0.0),
+            .shape(0.0, |ratio| format!("a third pole has {} of the time constant of the second", two_digits(ratio))),
     ],
     signature: "Above 1 / (2 pi time_constant_s) the response rolls off by 20 dB per decade more and lags by up to 90 degrees \
                 more, the same at every nominal command and amplitude. Steps begin with a curve instead of a corner.",
@@ -37,6 +37,8 @@ pub static KIND: Kind = Kind {
             experiment: "Excite up to ten times the pole: one lag ends at 90 degrees, two go on to 180.",
         },
     ],
+    remedy: "find out whose it is: log the speed too. A filter of the sensor or the logger does not fly: record again with a faster one. Where \
+             it is the motor's, keep it in the model (`--out-model`)",
     sources: &[
         "L/R of the windings 0.1 to 1 ms; thrust sensors and anti-alias filters 1 to 30 ms",
         "Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 3",

@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate.
@@ -19,7 +19,10 @@ pub static KIND: Kind = Kind {
             .possible(1e-3, 1e3)
             .log(0.3, 3.0, &[0.8, 1.25])
             .smooth()
-            .shape(1.0),
+            .shape(1.0, |ratio| {
+                let how = if ratio < 1.0 { "slower" } else { "faster" };
+                format!("it slews {} % {how} downward", two_digits(100.0 * (ratio - 1.0).abs()))
+            }),
     ],
     signature: "Gain falls and phase lags with amplitude times frequency; triangles where sinusoids are due, odd harmonics. \
                 Steps become ramps whose length grows with the step. Small or slow commands pass untouched.",
@@ -33,6 +36,8 @@ pub static KIND: Kind = Kind {
             experiment: "Halve the amplitude: a pole stays, a limit of the rate moves up by an octave or goes.",
         },
     ],
+    remedy: "where it is a ramp or a soft start of the ESC, switch that off in its settings, or raise it, and record again; where it stays, \
+             declare it (`--slew` of `rotorlead design`, `output.slew_per_s` of the controller)",
     sources: &[
         "Klyde, McRuer & Myers, Pilot-Induced Oscillation Analysis and Prediction with Actuator Rate Limiting, J. Guidance 1997",
         "ramp settings of ESCs: 0.025 to 16 % per millisecond",

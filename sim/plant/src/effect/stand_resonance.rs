@@ -37,6 +37,8 @@ pub static KIND: Kind = Kind {
             experiment: "A hammer on the stand with the motor off shows the mode, and not the air.",
         },
     ],
+    remedy: "it is the stand's, not the motor's: stiffen the stand until the mode lies above the band, or divide it out (`rotorlead identify \
+             --stand-model`), and record again; never compensate it",
     sources: &[
         "Ewins, Modal Testing, 2nd ed., ch. 2: one mode of a structure with its residue",
         "thrust stands ring at 12 to 85 Hz with damping of 0.02 to 0.1",

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
 use crate::filter::FORGOTTEN;
 use crate::{Motion, RotorBase, RotorTerm, Supply};
 
@@ -31,10 +31,17 @@ pub static KIND: Kind = Kind {
             .possible(0.0, 0.5)
             .linear(0.0, 0.2, &[0.0, 0.04])
             .optional(0.0),
-        Parameter::fitted("square_part", "", "the part of the current that grows with the speed's square; the rest is a propeller's cube")
-            .possible(-3.0, 3.0)
-            .linear(-2.0, 1.5, &[0.7])
-            .shape(0.0),
+        Parameter::fitted(
+            "square_part",
+            "",
+            "the part of the current that grows with the speed's square; the rest is a propeller's cube",
+        )
+        .possible(-3.0, 3.0)
+        .linear(-2.0, 1.5, &[0.7])
+        .shape(0.0, |square_part| {
+            let power = two_digits(3.0 - square_part);
+            format!("at a speed of 0.5 its current grows with the power {power} of the speed, not 3")
+        }),
         Parameter::fitted("open_circuit_v", "V", "voltage without load; 0 where it is not known")
             .possible(0.0, 1000.0)
             .linear(3.0, 60.0, &[16.0])
@@ -63,6 +70,8 @@ pub static KIND: Kind = Kind {
         },
         Confusion { with: "parameter_error", experiment: "Log the voltage: a wrong gain leaves it alone." },
     ],
+    remedy: "record with the battery that flies: one of less resistance sags less. Let the flight controller scale its commands by the \
+             voltage (Betaflight `vbat_sag_compensation`, PX4 `MC_BAT_SCALE_EN`, ArduPilot `MOT_BAT_VOLT_MAX`)",
     sources: &[
         "Plett, Battery Management Systems, vol. 1, 2015, ch. 2: series resistance and one RC pair (Thevenin model)",
         "the mean voltage at the motor is duty times supply voltage, so a supply gives the power of the propeller, the cube of \

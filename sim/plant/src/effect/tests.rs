@@ -206,6 +206,8 @@ fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all()
             assert!(!text.is_empty(), "{kind:?}");
         }
         assert!(!kind.sources.is_empty() && !kind.confusions.is_empty(), "{kind:?}");
+        // A clause, that goes on after a colon.
+        assert!(kind.remedy.starts_with(char::is_lowercase) && !kind.remedy.ends_with('.'), "{kind:?}");
         for confusion in kind.confusions {
             assert!(ids.contains(confusion.with) && confusion.with != kind.id, "{kind:?}: {}", confusion.with);
             assert!(!confusion.experiment.is_empty());
@@ -218,13 +220,53 @@ fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all()
             assert!(parameter.starts.iter().all(|start| (low..=high).contains(start)), "{name}");
             assert!(!parameter.starts.is_empty() && !parameter.meaning.is_empty(), "{name}");
             assert!(parameter.scale == Scale::Linear || low > 0.0, "{name}");
-            if let Use::Shape(neutral) = parameter.usage {
+            if let Use::Shape { neutral, .. } = parameter.usage {
                 assert!((low..=high).contains(&neutral) && !parameter.starts.contains(&neutral), "{name}");
             }
         }
-        let shapes = kind.parameters.iter().filter(|parameter| matches!(parameter.usage, Use::Shape(_))).count();
+        let shapes = kind.parameters.iter().filter(|parameter| matches!(parameter.usage, Use::Shape { .. })).count();
         assert!(shapes == usize::from(kind.shape().is_some()), "{kind:?} has {shapes} shapes");
     }
+}
+
+/// Digits of a number, but for zeros in front.
+fn significant(number: &str) -> usize {
+    number.trim_start_matches(['0', '.']).bytes().filter(u8::is_ascii_digit).count()
+}
+
+#[test]
+fn a_shape_says_how_it_bends_the_law_in_numbers_of_few_digits() {
+    for kind in Catalog::standard().kinds() {
+        let Some((_, shape)) = kind.shape() else { continue };
+        let Use::Shape { says, .. } = shape.usage else { unreachable!("it is a shape") };
+        let (low, high) = shape.plausible;
+        let said: Vec<String> = (0..=7).map(|k| says(low + (high - low) * f64::from(k) / 7.0)).collect();
+        for words in &said {
+            assert!(words.starts_with(|first: char| !first.is_uppercase()) && !words.ends_with('.'), "{words}");
+            let numbers = words.split(' ').map(|word| word.trim_end_matches(','));
+            let numbers: Vec<&str> = numbers.filter(|word| word.parse::<f64>().is_ok()).collect();
+            assert!(!numbers.is_empty() && numbers.iter().all(|number| significant(number) <= 3), "{words}");
+            assert!(numbers.iter().all(|number| !number.contains(['N', 'i'])), "{words}");
+        }
+        let different: HashSet<&String> = said.iter().collect();
+        assert_eq!(different.len(), said.len(), "{kind:?}: {said:?}");
+    }
+    let says = |id: &str, value: f64| match Catalog::standard().find(id).unwrap().shape().unwrap().1.usage {
+        Use::Shape { says, .. } => says(value),
+        other => unreachable!("{other:?}"),
+    };
+    assert_eq!(says("slew_limit", 0.7512), "it slews 25 % slower downward");
+    assert_eq!(says("slew_limit", 1.3), "it slews 30 % faster downward");
+    assert_eq!(says("saturation", 0.010_04), "its knee reaches 0.010 duty to either side of `max`");
+    assert_eq!(says("second_pole", 0.4), "a third pole has 0.40 of the time constant of the second");
+    assert_eq!(says("dead_band", -2.0), "its width shrinks by 20 % with each 0.1 duty of command");
+    // The map's slope is K (1 + 3 c d^2 + ..) at d, tau has the factor 1 - linear d / nominal, the current goes as s^(3 - part) at 0.5.
+    assert_eq!(
+        says("quadratic_thrust", 10.0),
+        "0.05 duty to either side it is steeper than a parabola, by 7.5 % of its slope"
+    );
+    assert_eq!(says("operating_point_lag", -0.7), "beside its power, 10 % more speed adds 7.0 % of the time constant");
+    assert_eq!(says("supply_sag", 0.7), "at a speed of 0.5 its current grows with the power 2.3 of the speed, not 3");
 }
 
 #[test]
@@ -343,7 +385,7 @@ fn next_to_the_null_value_there_is_next_to_no_effect() {
         let near = |part: f64| {
             let (typical, null) = (typical(kind), kind.null());
             let values = typical.values().iter().zip(&null).zip(kind.parameters).map(|((t, n), p)| match p.usage {
-                Use::Optional(_) | Use::Shape(_) => *n,
+                Use::Optional(_) | Use::Shape { .. } => *n,
                 Use::Fitted if n.is_nan() => *t,
                 Use::Fitted if n.is_infinite() => (t / (part * part)).min(p.possible.1),
                 Use::Fitted => n + part * (t - n),

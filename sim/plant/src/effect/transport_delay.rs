@@ -32,6 +32,8 @@ pub static KIND: Kind = Kind {
             experiment: "Compare early and late periods of a long record: the phase of a delay stays.",
         },
     ],
+    remedy: "find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
+             `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol",
     sources: &[
         "Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, sec. 5.6: pure time delay",
         "a digital command takes 0.03 ms; loggers that stamp on arrival add 5 to 25 ms",

@@ -45,6 +45,7 @@ pub static KIND: Kind = Kind {
             experiment: "A staircase up and down again: curvature is the same both ways, heat is not.",
         },
     ],
+    remedy: "leave a margin of throttle for the hot motor, or cool it better; let it cool down before each record",
     sources: &[
         "Hughes & Drury, Electric Motors and Drives, 5th ed., 2019, ch. 11: the loss in the copper is the square of the current, \
          and its resistance grows by 0.4 % per kelvin",

@@ -12,8 +12,8 @@ use serde_json::{Map, Value, json};
 
 use super::{Overview, Part, said};
 use crate::{
-    JudgementValues, diagnosis_answer, excitation_section, flight_section, judged_verdict, object, parameter_with_std,
-    points_table, recommendation_table, to_fly_in_short, validation_answer,
+    JudgementValues, diagnosis_answer, effect_notes, excitation_section, flight_section, judged_verdict, object,
+    parameter_with_std, points_table, recommendation_table, to_fly_in_short, validation_answer,
 };
 
 /// By when warnings of the records are to be read.
@@ -182,7 +182,7 @@ fn warned(verdict: Verdict, warnings: usize, what: &str) -> Verdict {
     Verdict { tone: verdict.tone.max(Tone::Attention), sentences, ..verdict }
 }
 
-/// How large each effect is, and what it cannot be distinguished from.
+/// How large each effect is, and what is to be said of it.
 fn sizes(found: &Diagnosis) -> Vec<String> {
     let of_effect = |effect: &NamedEffect| {
         let values = effect
@@ -190,13 +190,7 @@ fn sizes(found: &Diagnosis) -> Vec<String> {
             .iter()
             .map(|(parameter, estimate)| format!("{} {}", parameter.name, parameter_with_std(parameter, estimate)));
         let values = values.collect::<Vec<_>>().join(", ");
-        let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.title).collect();
-        let beside = if others.is_empty() {
-            String::new()
-        } else {
-            format!(" These records cannot tell it from: {}.", others.join(", "))
-        };
-        format!("The {}: {values}.{beside}", effect.kind.title)
+        format!("The {}: {values}. {}", effect.kind.title, effect_notes(effect).join(" "))
     };
     found.effects.iter().map(of_effect).collect()
 }
