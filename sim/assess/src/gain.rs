@@ -3,6 +3,8 @@
 use rotorlead_identify::design::{Chain, ChainPhase, DesignOptions, Latency, bandwidths_with, chain_phases, design};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 
+use crate::remedy;
+
 /// Where dead time takes the use from what the lead gains, with a flight controller's usual pulses.
 pub fn lost(model: &Model) -> Option<String> {
     let lead = &CompensatorDesign::from(design(model, &DesignOptions::default()).ok()?);
@@ -24,13 +26,15 @@ pub fn lost(model: &Model) -> Option<String> {
 
 /// What to do about a dead time, by its larger part.
 #[must_use]
-pub fn dead_time_remedy(phase: &ChainPhase) -> &'static str {
+pub fn dead_time_remedy(phase: &ChainPhase) -> String {
     if phase.model_dead_time_s > phase.compensated.late_s {
-        "find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
-         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
-         bandwidth does not shorten it, but amplifies less noise above what can be used"
+        format!(
+            "{}. A lower bandwidth does not shorten it, but amplifies less noise above what can be used",
+            remedy("transport_delay")
+        )
     } else {
         "use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
          --output-frame some percent above it"
+            .to_owned()
     }
 }

@@ -17,7 +17,7 @@ pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
 use rotorlead_identify::check::{Findings, of_lag, of_record};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
-use rotorlead_plant::{Judgement, Model, Word};
+use rotorlead_plant::{Catalog, Judgement, Model, Word};
 use rotorlead_records::{Experiment, Topic};
 use rotorlead_vehicle::{Asked, Recommendation, recommend};
 
@@ -175,10 +175,11 @@ impl Claims {
         );
         if let Some(rate_per_s) = ramp_per_s {
             let reason = format!(
-                "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second: that explains most of what the lag \
-                 misses. Turn the ramp off"
+                "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second, which explains most of what the \
+                 lag misses"
             );
-            self.add_to_diagnose(Word::NotALag, reason, ", or see `rotorlead diagnose`");
+            let advice = format!(": {}; or see `rotorlead diagnose`", remedy(ramp::KIND));
+            self.add_to_diagnose(Word::NotALag, reason, &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
             self.add_to_diagnose(Word::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
@@ -236,6 +237,11 @@ impl Claims {
             in_doubt: false,
         }
     }
+}
+
+/// What the catalog says of what to do about a kind of effect.
+fn remedy(kind: &str) -> &'static str {
+    Catalog::standard().find(kind).expect("the catalog has it").remedy
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 
 /// The effect, as the catalog has it.
-const KIND: &str = "slew_limit";
+pub const KIND: &str = "slew_limit";
 /// With the ramp in the model, what is left beyond noise has to shrink to this part of its power.
 const SHRINKS_TO: f64 = 0.5;
 

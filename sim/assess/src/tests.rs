@@ -52,9 +52,10 @@ fn what_a_diagnosis_found_is_said_in_place_of_asking_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
     let before = assess(&experiment, &model, NotCompared::default());
-    assert!(before.judgement.limits[0].ends_with("or see `rotorlead diagnose`"), "{before:?}");
+    let advice = format!("misses: {}; or see `rotorlead diagnose`", remedy("slew_limit"));
+    assert!(before.judgement.limits[0].ends_with(&advice), "{before:?}");
     let after = before.clone().diagnosed("the diagnosis names slew-rate limit").judgement;
-    assert!(after.limits[0].ends_with("Turn the ramp off; the diagnosis names slew-rate limit"), "{after:?}");
+    assert!(after.limits[0].ends_with("misses; the diagnosis names slew-rate limit"), "{after:?}");
     assert_eq!((after.state, &after.limits[1..]), (before.judgement.state, &before.judgement.limits[1..]));
 }
 
@@ -103,7 +104,8 @@ fn a_dead_time_that_takes_the_gain_is_a_limit() {
     let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&motor) };
     let judgement = judged(&run(&plan, &motor, None, &|_| ()).unwrap());
     assert_eq!(judgement.state, Word::ReadyWithinLimits, "{judgement:?}");
-    assert!(judgement.limits[0].starts_with("a dead time of"), "{judgement:?}");
+    let reason = &judgement.limits[0];
+    assert!(reason.starts_with("a dead time of") && reason.contains(remedy("transport_delay")), "{reason}");
 }
 
 #[test]

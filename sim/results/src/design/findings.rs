@@ -128,7 +128,7 @@ pub(crate) fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Opt
         cell(phase.compensated.minus_90),
         cell(phase.uncompensated.minus_90),
     );
-    Some(warning(message, dead_time_remedy(phase)))
+    Some(Finding::warning(message, Some(dead_time_remedy(phase))))
 }
 
 fn warning(message: String, remedy: &str) -> Finding {

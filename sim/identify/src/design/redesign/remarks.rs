@@ -1,4 +1,4 @@
-//! What a lead does about each effect, and what it cannot do.
+//! What a lead does about each effect, and what it cannot do. What else to do about it is the effect's own remedy.
 
 use rotorlead_plant::effect::{Linearity, Site};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign};
@@ -23,8 +23,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
             (value("delay_s") * design.natural_rad_s()).to_degrees()
         ),
         "esc_frame_hold" => format!(
-            "Frames of {:.0} Hz hold each command for {:.1} ms, half of which is delay on average: a faster protocol removes it, \
-             a lead does not.",
+            "Frames of {:.0} Hz hold each command for {:.1} ms, half of which is delay on average. A lead does not remove it.",
             value("frame_hz"),
             1e3 / value("frame_hz")
         ),
@@ -33,11 +32,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
              rotor that gets no more.",
             value("rate_per_s")
         ),
-        "slew_limit" => format!(
-            "Nothing in front of it makes it faster than {:.3} duty/s. Where it is a ramp or a soft start of the ESC, switch that off in its \
-             settings, and record again.",
-            value("rate_per_s")
-        ),
+        "slew_limit" => format!("Nothing in front of it makes it faster than {:.3} duty/s.", value("rate_per_s")),
         "dead_band" => format!(
             "Changes under {:.4} are ignored, with or without the filter. It makes commands up to {peak:.1} times larger, their \
              noise too: what the flight controller sends while hovering passes the band more often.",
@@ -45,7 +40,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
         ),
         "command_quantization" => format!(
             "A grid of {:.4}: where the flight controller's output has it, ahead of the filter, each of its steps is answered by \
-             up to {:.4}. Send the command with a finer protocol before speeding it up.",
+             up to {:.4}.",
             value("step"),
             step_peak * value("step")
         ),
@@ -54,8 +49,8 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
             value("half_width")
         ),
         "stand_resonance" => format!(
-            "The mode at {:.1} Hz is the stand's. It is left out here and must not be compensated: it stays on the ground. What \
-             was measured near it, around {:.0} rad/s, says little of the motor.",
+            "The mode at {:.1} Hz is the stand's and stays on the ground: it is left out here. What was measured near it, around \
+             {:.0} rad/s, says little of the motor.",
             value("frequency_hz"),
             std::f64::consts::TAU * value("frequency_hz")
         ),
@@ -76,8 +71,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
                 .to_owned()
         }
         "second_pole" => format!(
-            "A second lag of {:.1} ms is counted. Where it is the sensor's or the logger's, the motor is faster than said here: \
-             log the speed too.",
+            "A second lag of {:.1} ms is counted. Where it is the sensor's or the logger's, the motor is faster than said here.",
             1e3 * value("time_constant_s")
         ),
         "asymmetric_lag" if is_inverse => {
