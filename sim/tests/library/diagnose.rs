@@ -133,14 +133,15 @@ fn what_comes_and_goes_is_not_taken_for_noise() {
 
 /// A delay of 60 ms is none that digital commands and ESCs have.
 #[test]
-fn what_is_like_an_effect_but_larger_than_any_is_not_named() {
+fn what_explains_all_and_is_larger_than_any_is_named_with_its_reservation() {
     let catalog = Catalog::standard();
     let kind = catalog.find("transport_delay").unwrap();
     let beyond = 1.5 * kind.parameters[0].plausible.1;
     let found =
         diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", beyond)]))), 6), Some(&motor(None)));
-    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
-    assert_eq!(found.tried[0].kind.id, "transport_delay");
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Named, 1), "{:?}", found.effects);
+    let delay = &found.effects[0];
+    assert!(delay.kind.id == "transport_delay" && delay.reservation.is_some(), "{delay:?}");
 }
 
 /// Square waves alone say a limit and a smaller gain alike; the multisine that is held out does not, and the given gain is right there.

@@ -166,7 +166,7 @@ fn what_has_weak_evidence_is_found_once_it_is_recorded_for_longer() {
     assert_eq!(weak, ["slew_limit"], "{:?}", found.weak_evidence);
     let next = found.next_experiment().unwrap();
     assert!(
-        next.words.contains("The evidence for slew-rate limit is weak: record 3 times as many periods"),
+        next.words.contains("The evidence for slew-rate limit is weak: record 2 times as many periods"),
         "{}",
         next.words
     );

@@ -234,6 +234,17 @@ impl Fit {
             })
     }
 
+    /// Whether the interval of 95 % of the shape of an effect excludes that of the catalog's law.
+    pub fn excludes_shape(&self, effect: usize) -> bool {
+        let candidate = &self.hypothesis.effects[effect];
+        candidate.kind.shape().is_some_and(|(value, shape)| {
+            let neutral = shape.default().unwrap_or(shape.null);
+            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+            let std = std * slope(shape, candidate.values[value]).abs();
+            (candidate.values[value] - neutral).abs() > TWO_SIDED * std
+        })
+    }
+
     /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than
     /// the value may be off.
     pub fn is_plausible(&self) -> bool {

@@ -17,20 +17,20 @@ type Weighed<'a> = (f64, &'a Member);
 impl Search<'_> {
     /// The effects that are named, and the fit with them.
     pub fn chosen(&self, pool: &Pool) -> Option<(Fit, Vec<Found>)> {
-        let zero = pool.of(&[])?;
-        let chosen = self.choose(pool, zero);
-        Some((self.with_whole_steps(&chosen.fit), found(pool, chosen)))
+        let near = self.near_the_best(pool);
+        let chosen = self.choose(pool, &near)?;
+        Some((self.with_whole_steps(&chosen.fit), self.found(pool, &near, &chosen)))
     }
 
     /// The fewest names within chance of the best, each of which explains more than what another's law may be off by.
-    fn choose<'a>(&self, pool: &'a Pool, zero: &'a Member) -> &'a Member {
-        let mut near = self.near_the_best(pool);
-        near.sort_by(|a, b| a.1.size().cmp(&b.1.size()).then(b.0.total_cmp(&a.0)));
-        let mut best = near.first().map_or(zero, |near| near.1);
+    fn choose(&self, pool: &Pool, near: &[Weighed]) -> Option<Member> {
+        let zero = pool.of(&[])?;
+        let fewest = near.iter().map(|near| near.1.size()).min().unwrap_or(0);
+        let of_fewest = near.iter().filter(|near| near.1.size() == fewest);
+        let mut best = of_fewest.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(zero, |near| near.1).clone();
         while best.size() > 1 {
-            let kinds = best.kinds();
-            let lost = kinds.iter().filter_map(|kind| {
-                let rest = pool.of(&without(&kinds, kind))?;
+            let lost = (0..best.size()).filter_map(|effect| {
+                let rest = self.without(pool, &best, effect)?;
                 Some((best.evidence - rest.evidence, rest))
             });
             let Some((lost, rest)) = lost.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
@@ -41,7 +41,36 @@ impl Search<'_> {
             }
             best = rest;
         }
-        self.as_delay(pool, best).unwrap_or(best)
+        Some(self.as_delay(pool, &best).cloned().unwrap_or(best))
+    }
+
+    /// A member without one of its effects.
+    fn without(&self, pool: &Pool, member: &Member, effect: usize) -> Option<Member> {
+        let hypothesis = &member.fit.hypothesis;
+        let rest = without(&member.kinds(), hypothesis.effects[effect].kind);
+        let fitted = || fit(&self.likelihood, &hypothesis.without(effect), self.lags).map(|fit| self.member(fit));
+        pool.of(&rest).cloned().or_else(fitted)
+    }
+
+    /// The kinds of the chosen member, with what each is worth and what would do as well.
+    fn found(&self, pool: &Pool, near: &[Weighed], chosen: &Member) -> Vec<Found> {
+        let kinds = chosen.kinds();
+        let own = near.iter().find(|near| near.1.kinds() == kinds).map_or(chosen.evidence, |near| near.0);
+        let of_effect = |(place, effect): (usize, &Candidate)| {
+            let rest = without(&kinds, effect.kind);
+            let stands_in = |(evidence, other): &&Weighed| {
+                other.size() == chosen.size()
+                    && own - evidence < ALIKE
+                    && rest.iter().all(|kind| other.kinds().contains(kind))
+            };
+            let others = near.iter().filter(stands_in).flat_map(|near| near.1.kinds());
+            Found {
+                kind: effect.kind,
+                score: self.without(pool, chosen, place).map_or(0.0, |rest| chosen.evidence - rest.evidence),
+                alternatives: others.filter(|kind| !kinds.contains(kind)).collect(),
+            }
+        };
+        chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }
 
     /// The members within chance of the best: those that an actuator may be, or that leave nothing but noise, since its law may be a
@@ -91,28 +120,3 @@ impl Search<'_> {
 fn without(kinds: &[&'static Kind], one: &Kind) -> Vec<&'static Kind> {
     kinds.iter().copied().filter(|kind| kind.id != one.id).collect()
 }
-
-/// The kinds of the chosen member, with what each is worth and what would do as well.
-fn found(pool: &Pool, chosen: &Member) -> Vec<Found> {
-    let kinds = chosen.kinds();
-    let of_effect = |effect: &Candidate| {
-        let rest = without(&kinds, effect.kind);
-        let without = pool.of(&rest).map_or(f64::NEG_INFINITY, |rest| rest.evidence);
-        let stands_in = |other: &&Member| {
-            other.size() == chosen.size()
-                && other.is_plausible()
-                && chosen.evidence - other.evidence < ALIKE
-                && rest.iter().all(|kind| other.kinds().contains(kind))
-        };
-        let others = pool.members().iter().filter(stands_in).flat_map(Member::kinds);
-        Found {
-            kind: effect.kind,
-            score: (chosen.evidence - without).min(MOST_CERTAIN),
-            alternatives: others.filter(|kind| !kinds.contains(kind)).collect(),
-        }
-    };
-    chosen.fit.hypothesis.effects.iter().map(of_effect).collect()
-}
-
-/// The score of an effect without which nothing of the set was tried.
-const MOST_CERTAIN: f64 = 1e12;

@@ -61,7 +61,8 @@ impl Search<'_> {
             .filter_map(|(place, bent)| {
                 let mut start = member.fit.hypothesis.clone();
                 start.effects[place] = bent;
-                self.further(&start, behind)
+                // A shape that may as well be the catalog's bends nothing.
+                self.further(&start, behind).filter(|member| member.fit.excludes_shape(place))
             })
             .collect()
     }

@@ -19,8 +19,8 @@ pub(crate) const LEAST_SCORE_IN_LOGS: f64 = 10.0;
 /// Kinds within this of the best are distinguished by chance only.
 pub(crate) const ALIKE: f64 = 5.0;
 /// Gain of log likelihood beyond the complexity penalty from which on a kind has weak evidence. For a kind of one value noise alone does
-/// so in one of 200 experiments: half of a chi-square of one degree of freedom is beyond 4 that often.
-pub(crate) const LEAST_WEAK_EVIDENCE: f64 = 3.0;
+/// so in one of 600 experiments: half of a chi-square of one degree of freedom is beyond 5 that often.
+pub(crate) const LEAST_WEAK_EVIDENCE: f64 = 4.0;
 
 /// A name that explains less than this part of what all explain is the shape of a larger one: where more than noise is left, and
 /// where it is not.

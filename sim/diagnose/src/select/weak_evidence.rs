@@ -60,7 +60,7 @@ pub(crate) fn promised(from: &Fit, screened: &[Screened]) -> Vec<WeakEvidence> {
 pub(crate) fn weak_evidence(promised: Vec<WeakEvidence>, tried: &[Tried]) -> Vec<WeakEvidence> {
     let of = |promised: WeakEvidence| match tried.iter().find(|tried| tried.kind == promised.kind) {
         Some(tried) => {
-            let evidence = tried.fitted_gain - tried.complexity_penalty;
+            let evidence = tried.fitted_gain - complexity_penalty(tried.kind);
             tried.is_plausible().then_some(WeakEvidence { evidence, ..promised })
         }
         None => Some(promised),
