@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead_identify::offset_and_start;
 use rotorlead_numerics::sample::mean;
-use rotorlead_plant::effect::{Kind, Linearity, Part, Site};
+use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{
     ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, RotorBase, Start, Trace,
     simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
@@ -329,15 +329,17 @@ impl Hypothesis {
     }
 
     /// The frequency response of all that is behind the effects on the command, as far as it is linear. Frames make it late by their
-    /// mean wait.
+    /// mean wait: what another wait of one change does is not smoothed by the hold of all.
     pub fn frequency_response(&self, record: &Record, omega_rad_s: f64) -> Complex64 {
         let point = self.point(record, record.mean_response);
-        let behind = self
-            .effects
-            .iter()
-            .filter(|effect| effect.kind.site > Site::Command || effect.kind.linearity == Linearity::Mean);
-        behind.fold(point.lag.frequency_response(omega_rad_s), |product, effect| {
-            product * (effect.kind.response)(&effect.values, &point, omega_rad_s)
+        self.effects.iter().fold(point.lag.frequency_response(omega_rad_s), |product, effect| {
+            if effect.has_frames() {
+                product * Complex64::cis(-0.5 * omega_rad_s / effect.values[0])
+            } else if effect.kind.site > Site::Command {
+                product * (effect.kind.response)(&effect.values, &point, omega_rad_s)
+            } else {
+                product
+            }
         })
     }
 
