@@ -58,74 +58,47 @@ use Law::{
 };
 
 impl Law {
-    /// Every law; every kind has one, but wrong numbers, which are no law.
-    pub const ALL: [Self; 18] = [
-        SlowerDown,
-        SoftClip,
-        ThirdLag,
-        UnevennessOfWay,
-        RampDrift,
-        CubicThrust,
-        SagByCommand,
-        LinearLag,
-        GrowingBand,
-        Compliance,
-        BandKnee,
-        SeveralPlays,
-        DelayJitter,
-        UnevenSteps,
-        SecondMode,
-        FrameJitter,
-        InflowOfSpeed,
-        DriftingClock,
+    /// Every law with its name in the truth and the kind whose law it replaces; every kind has one, but wrong numbers, which are no law.
+    pub const TABLE: [(Self, &'static str, Kind); 18] = [
+        (SlowerDown, "slower_down", Kind::SlewLimit),
+        (SoftClip, "soft_clip", Kind::Saturation),
+        (ThirdLag, "third_lag", Kind::SecondPole),
+        (UnevennessOfWay, "unevenness_of_way", Kind::AsymmetricLag),
+        (RampDrift, "ramp_drift", Kind::GainDrift),
+        (CubicThrust, "cubic_thrust", Kind::QuadraticThrust),
+        (SagByCommand, "sag_by_command", Kind::SupplySag),
+        (LinearLag, "linear_lag", Kind::OperatingPointLag),
+        (GrowingBand, "growing_band", Kind::DeadBand),
+        (Compliance, "compliance", Kind::Backlash),
+        (BandKnee, "band_knee", Kind::DeadBand),
+        (SeveralPlays, "several_plays", Kind::Backlash),
+        (DelayJitter, "delay_jitter", Kind::TransportDelay),
+        (UnevenSteps, "uneven_steps", Kind::CommandQuantization),
+        (SecondMode, "second_mode", Kind::StandResonance),
+        (FrameJitter, "frame_jitter", Kind::EscFrameHold),
+        (InflowOfSpeed, "inflow_of_speed", Kind::InflowLead),
+        (DriftingClock, "drifting_clock", Kind::ClockSkew),
     ];
+
+    /// Every law.
+    pub fn all() -> impl ExactSizeIterator<Item = Self> {
+        Self::TABLE.into_iter().map(|(law, ..)| law)
+    }
+
+    fn row(self) -> (Self, &'static str, Kind) {
+        Self::TABLE[self as usize]
+    }
 
     /// Its name in the truth.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            SlowerDown => "slower_down",
-            SoftClip => "soft_clip",
-            ThirdLag => "third_lag",
-            UnevennessOfWay => "unevenness_of_way",
-            RampDrift => "ramp_drift",
-            CubicThrust => "cubic_thrust",
-            SagByCommand => "sag_by_command",
-            LinearLag => "linear_lag",
-            GrowingBand => "growing_band",
-            Compliance => "compliance",
-            BandKnee => "band_knee",
-            SeveralPlays => "several_plays",
-            DelayJitter => "delay_jitter",
-            UnevenSteps => "uneven_steps",
-            SecondMode => "second_mode",
-            FrameJitter => "frame_jitter",
-            InflowOfSpeed => "inflow_of_speed",
-            DriftingClock => "drifting_clock",
-        }
+        self.row().1
     }
 
     /// The kind whose law it replaces.
     #[must_use]
     pub fn kind(self) -> Kind {
-        match self {
-            SlowerDown => Kind::SlewLimit,
-            SoftClip => Kind::Saturation,
-            ThirdLag => Kind::SecondPole,
-            UnevennessOfWay => Kind::AsymmetricLag,
-            RampDrift => Kind::GainDrift,
-            CubicThrust => Kind::QuadraticThrust,
-            SagByCommand => Kind::SupplySag,
-            LinearLag => Kind::OperatingPointLag,
-            GrowingBand | BandKnee => Kind::DeadBand,
-            Compliance | SeveralPlays => Kind::Backlash,
-            DelayJitter => Kind::TransportDelay,
-            UnevenSteps => Kind::CommandQuantization,
-            SecondMode => Kind::StandResonance,
-            FrameJitter => Kind::EscFrameHold,
-            InflowOfSpeed => Kind::InflowLead,
-            DriftingClock => Kind::ClockSkew,
-        }
+        self.row().2
     }
 
     /// Draws by how much the law is bent.
@@ -312,13 +285,14 @@ mod tests {
     #[test]
     fn every_law_bends_something_and_every_kind_but_wrong_numbers_has_one() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for law in Law::ALL {
+        for (place, law) in Law::all().enumerate() {
+            assert_eq!(law as usize, place);
             assert_ne!(law.draw(&mut rng), Shape::default(), "{law:?}");
             assert_eq!(law.draw_effect(&mut rng).kind, law.kind());
-            assert_eq!(Law::ALL.iter().filter(|other| other.name() == law.name()).count(), 1);
+            assert_eq!(Law::all().filter(|other| other.name() == law.name()).count(), 1);
         }
         for kind in Kind::ALL {
-            assert_eq!(Law::ALL.iter().any(|law| law.kind() == kind), kind != Kind::ParameterError, "{kind:?}");
+            assert_eq!(Law::all().any(|law| law.kind() == kind), kind != Kind::ParameterError, "{kind:?}");
         }
     }
 

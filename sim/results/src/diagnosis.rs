@@ -13,7 +13,6 @@ use rotorlead_records::Experiment;
 use serde_json::{Value, json};
 
 use crate::IdentifyResult;
-
 use crate::estimate;
 use crate::figures::diagnosis::diagnosis_figures;
 use crate::number::parameter_with_std;

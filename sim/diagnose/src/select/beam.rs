@@ -55,6 +55,11 @@ impl Member {
         self.fit.hypothesis.effects.iter().all(|effect| effect.beyond_range_square() < 1.0)
     }
 
+    /// Whether the records do not exclude it.
+    pub fn is_possible(&self) -> bool {
+        self.evidence.is_finite()
+    }
+
     /// How many.
     pub fn size(&self) -> usize {
         self.fit.hypothesis.effects.len()
@@ -101,6 +106,7 @@ impl Pool {
 }
 
 impl Search<'_> {
+    /// A fit with its evidence.
     pub fn member(&self, fit: Fit) -> Member {
         Member { evidence: evidence(&self.likelihood, &fit), fit }
     }
@@ -218,7 +224,7 @@ impl Search<'_> {
         self.likelihood = weighed;
         let mut again = Pool::default();
         let zero = pool.of(&[]).cloned();
-        let kept = pool.0.into_iter().take(KEPT).filter(|member| member.size() > 0);
+        let kept = pool.0.into_iter().take(KEPT).filter(|member| member.size() > 0 && member.is_possible());
         for member in kept.chain(zero) {
             if let Some(fit) = fit_in(&self.likelihood, &member.fit.hypothesis, self.lags, FIRST) {
                 again.add(self.member(fit));

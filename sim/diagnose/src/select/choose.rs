@@ -19,7 +19,8 @@ impl Search<'_> {
     pub fn chosen(&self, pool: &Pool) -> Option<(Fit, Vec<Found>)> {
         let near = self.near_the_best(pool);
         let chosen = self.choose(pool, &near)?;
-        Some((self.with_whole_steps(&chosen.fit), self.found(pool, &near, &chosen)))
+        let found = self.found(pool, &near, &chosen)?;
+        Some((self.with_whole_steps(&chosen.fit), found))
     }
 
     /// The fewest names within chance of the best, each of which explains more than what another's law may be off by.
@@ -49,11 +50,11 @@ impl Search<'_> {
         let hypothesis = &member.fit.hypothesis;
         let rest = without(&member.kinds(), hypothesis.effects[effect].kind);
         let fitted = || fit(&self.likelihood, &hypothesis.without(effect), self.lags).map(|fit| self.member(fit));
-        pool.of(&rest).cloned().or_else(fitted)
+        pool.of(&rest).filter(|rest| rest.is_possible()).cloned().or_else(fitted)
     }
 
-    /// The kinds of the chosen member, with what each is worth and what would do as well.
-    fn found(&self, pool: &Pool, near: &[Weighed], chosen: &Member) -> Vec<Found> {
+    /// The kinds of the chosen member, with what each is worth and what would do as well. `None` where nothing can be said without one.
+    fn found(&self, pool: &Pool, near: &[Weighed], chosen: &Member) -> Option<Vec<Found>> {
         let kinds = chosen.kinds();
         let own = near.iter().find(|near| near.1.kinds() == kinds).map_or(chosen.evidence, |near| near.0);
         let of_effect = |(place, effect): (usize, &Candidate)| {
@@ -64,11 +65,11 @@ impl Search<'_> {
                     && rest.iter().all(|kind| other.kinds().contains(kind))
             };
             let others = near.iter().filter(stands_in).flat_map(|near| near.1.kinds());
-            Found {
+            Some(Found {
                 kind: effect.kind,
-                score: self.without(pool, chosen, place).map_or(0.0, |rest| chosen.evidence - rest.evidence),
+                score: chosen.evidence - self.without(pool, chosen, place)?.evidence,
                 alternatives: others.filter(|kind| !kinds.contains(kind)).collect(),
-            }
+            })
         };
         chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }
