@@ -8,7 +8,7 @@ use rotorlead_records::Experiment;
 
 use crate::assess::conditions::Conditions;
 use crate::assess::lateness::Lateness;
-use crate::assess::minor::{self, MINOR, MinorEffect, OF_ITS_LAW, SURELY_OF_ITS_LAW};
+use crate::assess::minor::{self, MINOR, MinorEffect};
 use crate::assess::verdict::{self, Evidence, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
@@ -137,9 +137,12 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     gap.check()?;
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
+        // The rest fitted again may run off where nothing was fitted; the rest as it is then does better.
         let without = after.hypothesis.without(index);
-        let without = fit::fit(likelihood, &without, true).map_or(without, |fit| fit.hypothesis);
-        let alone = gap::gaps(likelihood, &without, &after.hypothesis, true).total;
+        let refitted = fit::fit(likelihood, &without, true).map(|fit| fit.hypothesis);
+        let of = |rest| gap::gaps(likelihood, rest, &after.hypothesis, true).total;
+        let as_it_is = of(&without);
+        let alone = refitted.as_ref().map(of).filter(|gap| gap.before < as_it_is.before).unwrap_or(as_it_is);
         effects.push(NamedEffect {
             kind: found.kind,
             parameters: estimates(likelihood, &after, index),
@@ -208,7 +211,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 }
 
 /// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
-/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either. Where a model `is_given` its lags stay as they are in `after`.
+/// shadow. Where a model `is_given` its lags stay as they are in `after`.
 fn without_minor(
     likelihood: &Likelihood,
     after: &mut fit::Fit,
@@ -229,17 +232,12 @@ fn without_minor(
         };
         let mut shares: Vec<_> = (0..found.len()).filter_map(of_effect).collect();
         shares.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let largest = shares.first().map_or(0.0, |largest| largest.0);
         let Some((share, effect, without)) = shares.pop() else { break };
-        let is_all = likelihood.excess(&after.hypothesis, Split::Train).is_surely_noise();
-        let is_of_law = found.len() > 1 && share < if is_all { SURELY_OF_ITS_LAW } else { OF_ITS_LAW } * largest;
-        if share >= MINOR && !is_of_law {
+        if share >= MINOR {
             break;
         }
         let Found { kind, score: evidence, .. } = found.remove(effect);
-        if share < MINOR {
-            minor.push(MinorEffect { kind, evidence, share });
-        }
+        minor.push(MinorEffect { kind, evidence, share });
         *after = without;
     }
     minor.sort_by(|a: &MinorEffect, b| b.evidence.total_cmp(&a.evidence));

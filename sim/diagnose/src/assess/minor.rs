@@ -14,11 +14,6 @@ use crate::model::hypothesis::Hypothesis;
 /// RMS over that of the noise below which a change of the prediction does not matter.
 pub(crate) const MINOR: f64 = 0.1;
 
-/// The law of an actuator is off from that of the catalog by some tenths. What changes a smaller part of the prediction than this beside
-/// another effect, and leaves more than noise, may be no more; and what changes as little as that, whatever it leaves.
-pub(crate) const OF_ITS_LAW: f64 = 0.25;
-pub(crate) const SURELY_OF_ITS_LAW: f64 = 0.03;
-
 /// An effect that is significant and does not matter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MinorEffect {

@@ -149,6 +149,8 @@ impl Search<'_> {
         let screened = self.screened(&zero.fit, &[]);
         let (mut pool, mut best) = (Pool::default(), zero.clone());
         pool.add(zero);
+        // The lags alone have no law to bend.
+        let mut is_bent = true;
         for size in 1..=MOST_EFFECTS {
             let zero = pool.of(&[])?;
             let is_noise = self.is_noise(&best.fit);
@@ -168,12 +170,23 @@ impl Search<'_> {
             // Noise that is an effect's hides what the law of another is off by.
             pool = self.weighed_by_best(pool, size)?;
             self.finish(&mut pool, size);
+            // Where one more name gains, a law that bends may gain as much; where nothing is left, it is asked no sooner.
+            let gains = |pool: &Pool| {
+                let [top, before] = [size, size - 1].map(|size| pool.of_size(size).next());
+                top.zip(before).is_some_and(|(top, before)| top.evidence - before.evidence >= LEAST_SCORE)
+            };
+            if !is_bent && gains(&pool) {
+                self.bend(&mut pool, size - 1);
+            }
+            is_bent = !self.explains(&pool, size);
+            if is_bent {
+                self.bend(&mut pool, size);
+            }
             pool = self.weighed_by_best(pool, size)?;
-            let (Some(top), Some(before)) = (pool.of_size(size).next(), pool.of_size(size - 1).next()) else { break };
-            if top.evidence - before.evidence < LEAST_SCORE {
+            if !gains(&pool) {
                 break;
             }
-            best = top.clone();
+            best = pool.of_size(size).next()?.clone();
         }
         Some((pool, screened))
     }

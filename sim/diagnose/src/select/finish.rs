@@ -28,25 +28,33 @@ const NEARER: [f64; 2] = [0.8, 0.2];
 const NEARER_STEPS: u32 = 3;
 
 impl Search<'_> {
-    /// Fits the best members of a size to the end, and bends them where the best of them that is plausible leaves more than noise.
+    /// Fits the best members of a size to the end.
     pub fn finish(&self, pool: &mut Pool, size: usize) {
         let Some(best) = pool.of_size(size).next() else { return };
         let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < ALIKE);
         let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
         let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
-        let explains = finished.iter().find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit));
-        let mut bent = Vec::new();
-        if !explains {
-            let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
-            let half = 0.5 * (best.evidence + zero);
-            let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
-            for one in bending {
-                let behind = best.evidence - one.evidence;
-                bent.extend(self.bent(one, behind));
-                bent.extend((0..size).filter_map(|place| self.bent_in_jumps(one, place, behind)));
-            }
-        }
         finished.into_iter().for_each(|member| pool.replace(member));
+    }
+
+    /// Whether the best of a size that is plausible leaves nothing but noise.
+    pub fn explains(&self, pool: &Pool, size: usize) -> bool {
+        pool.of_size(size).find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit))
+    }
+
+    /// Bends the laws of the best of a size.
+    pub fn bend(&self, pool: &mut Pool, size: usize) {
+        let Some(best) = pool.of_size(size).next() else { return };
+        let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
+        let half = 0.5 * (best.evidence + zero);
+        let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
+        let bent: Vec<Member> = bending
+            .flat_map(|one| {
+                let behind = best.evidence - one.evidence;
+                let in_jumps = (0..size).filter_map(move |place| self.bent_in_jumps(one, place, behind));
+                self.bent(one, behind).into_iter().chain(in_jumps)
+            })
+            .collect();
         bent.into_iter().for_each(|member| pool.add(member));
     }
 
