@@ -4,9 +4,10 @@
 
 use host_tests::real_log;
 use rotorlead_diagnose::{Diagnosis, Lateness, Options, Verdict, diagnose};
+use rotorlead_identify::Estimate;
 use rotorlead_identify::steps::{LawComparison, compare_laws};
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::{ActiveEffect, Use};
+use rotorlead_plant::effect::{ActiveEffect, Parameter};
 use rotorlead_records::import::{ImportOptions, import};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
@@ -49,7 +50,7 @@ fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
     }
 }
 
-/// What holds of every log. `names` is what is named, in this order, and `least_percent` the fit on all steps.
+/// What holds of every log. `names` is what is named, the most valuable first, and `least_percent` the fit on all steps.
 fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_percent: f64) {
     assert_eq!(found.verdict, if names.is_empty() { Verdict::Unknown } else { Verdict::PartlyNamed });
     assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), names);
@@ -61,17 +62,16 @@ fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_perce
     assert!(found.has_free_map && found.decisions.iter().all(|decision| decision.kind.id != "quadratic_thrust"));
     for decision in &found.decisions {
         assert_eq!(decision.is_added, names.contains(&decision.kind.id), "{decision:?}");
-        let is_beyond_the_most = decision.score.is_some() && names.len() == 3;
-        assert!(decision.is_added || is_beyond_the_most || !decision.failed.is_empty(), "{decision:?}");
+        assert!(decision.is_added || !decision.failed.is_empty(), "{decision:?}");
     }
     assert!(found.gap.after <= found.gap.before, "{:?}", found.gap);
-    // What is named is there: no interval holds the value at which the effect vanishes, and no gap is wider with it.
+    // What is named is there: not every interval holds the value at which the effect vanishes, and no gap is wider with it.
     for effect in &found.effects {
         assert!(effect.gap_after < effect.gap_before, "{effect:?}");
-        let fitted = effect.parameters.iter().filter(|(parameter, _)| matches!(parameter.usage, Use::Fitted));
-        for (parameter, estimate) in fitted.filter(|(parameter, _)| parameter.null.is_finite()) {
-            assert!((estimate.value - parameter.null).abs() > 1.96 * estimate.std, "{} {estimate:?}", parameter.name);
-        }
+        let excludes_absence = |(parameter, estimate): &(&Parameter, Estimate)| {
+            parameter.null.is_finite() && (estimate.value - parameter.null).abs() > 1.96 * estimate.std
+        };
+        assert!(effect.parameters.iter().any(excludes_absence), "{effect:?}");
     }
     // What is asked for can be done on such a stand, and is not in the file already.
     let next = found.next_experiment().unwrap();
@@ -146,7 +146,7 @@ fn of_dshot(name: &str, without: Option<f64>) -> Option<(Diagnosis, LawCompariso
 #[test]
 fn rcbenchmark_log() {
     let Some(found) = diagnosed("Log_2019-11-09_181347.csv") else { return };
-    check(&found, &["transport_delay", "supply_sag"], 97.0);
+    check(&found, &["transport_delay"], 97.0);
     let found = found.0;
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
@@ -167,12 +167,13 @@ fn esc32_log_f40() {
     check(&found, &["winding_heating"], 98.0);
 }
 
-/// By hand the delay is 29.9 ms. The five rows at command 753 are too short to settle; the run goes on with and without them.
+/// By hand the delay is 29.9 ms. The five rows at command 753 are too short to settle; the run goes on with and without them. The heat
+/// shows, if weakly, in the steps around them.
 #[test]
 fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
-    for without in [None, Some(753.0)] {
+    for (without, names) in [(None, &["transport_delay", "winding_heating"][..]), (Some(753.0), &["transport_delay"])] {
         let Some(found) = of_dshot("micro_2023-12-17_162234.csv", without) else { return };
-        check(&found, &["transport_delay", "supply_sag"], 95.0);
+        check(&found, names, 95.0);
         let (delay_ms, lateness) = delay_ms(&found.0);
         assert!((27.0..34.0).contains(&delay_ms), "{delay_ms}");
         assert!((2.0..3.0).contains(&lateness.rows()) && lateness.stalled_steps > 0, "{lateness:?}");

@@ -125,7 +125,9 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let verdict = evidence.verdict();
     let found = if verdict == Verdict::Unknown {
         (after, excess_after) = (before.clone(), excess_before);
-        gaps = gap::gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
+        // By the errors of the lags alone, as these are judged.
+        let by_lags = own.as_ref().unwrap_or(likelihood);
+        gaps = gap::gaps(by_lags, &before.hypothesis, &after.hypothesis, refitted);
         wrong = None;
         // They were so beside what is not believed.
         minor.clear();
@@ -148,8 +150,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             parameters: estimates(likelihood, &after, index),
             evidence: found.score,
             alternatives: found.alternatives,
-            // Of an estimate, a tenth of the range is no reason.
-            reservation: after.hypothesis.effects[index].beyond_range(|_| f64::INFINITY),
+            reservation: after.hypothesis.effects[index].beyond_range(0.0),
             gap_before: alone.before,
             gap_after: alone.after,
         });
@@ -170,8 +171,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             gap_before,
             gap_after,
         });
-        effects.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     }
+    effects.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
@@ -186,8 +187,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             .map(|tried| TriedKind {
                 kind: tried.kind,
                 fitted_gain: tried.fitted_gain,
-                held_out_gain: data.has_logs().then_some(tried.held_out_gain),
-                score: tried.score(),
+                held_out_gain: tried.held_out_gain,
+                score: tried.score,
             })
             .collect(),
         model,
@@ -253,7 +254,7 @@ fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: 
     }
     let of_tried = |tried: &Tried| MinorEffect {
         kind: tried.kind,
-        evidence: tried.score(),
+        evidence: tried.score,
         share: minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis),
     };
     let scored: Vec<MinorEffect> = tried.iter().filter(|tried| tried.scores_enough()).map(of_tried).collect();

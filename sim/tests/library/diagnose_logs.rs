@@ -215,13 +215,15 @@ fn windings_that_heat_are_named_and_the_voltage_tells_them_from_a_sag() {
 }
 
 #[test]
-fn a_curved_map_a_delay_and_heat_are_named_in_the_order_in_which_they_are_looked_for() {
+fn a_curved_map_a_delay_and_heat_are_named_together_the_most_valuable_first() {
     let map = [("curvature_per_duty", -0.6)];
     let heating = [("heat_drop", 0.02), ("heat_s", 1.5)];
     let model =
         motor(&[("winding_heating", &heating), ("quadratic_thrust", &map), ("transport_delay", &[("delay_s", 0.03)])]);
     let found = diagnosed(&model, 10, &[Column::Voltage]);
-    let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
+    assert!(found.effects.is_sorted_by(|a, b| a.evidence >= b.evidence), "{:?}", found.effects);
+    let mut kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
+    kinds.sort_unstable();
     let expected = ["quadratic_thrust", "transport_delay", "winding_heating"];
     assert_eq!((found.verdict, &kinds[..]), (Verdict::Named, &expected[..]), "{:?}", found.effects);
 }

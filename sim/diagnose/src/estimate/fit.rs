@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rotorlead_numerics::least_squares::{self, Damping, Decrease, Found, NormalEquations, Strategy};
 use rotorlead_numerics::normal_equations::scaled_inverse;
-use rotorlead_plant::effect::{Site, Use};
+use rotorlead_plant::effect::Site;
 
 use crate::estimate::linearization::{EFFECT_STEP, Linearization};
 use crate::likelihood::Likelihood;
@@ -222,16 +222,17 @@ impl Fit {
         Some(Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]))
     }
 
-    /// Whether the interval of 95 % of each value of an effect excludes the value at which the effect vanishes.
+    /// Whether the interval of 95 % of a value of an effect excludes that at which the effect vanishes. Of a sag that is all resistance
+    /// the slow part may well be none.
     pub fn excludes_absence(&self, effect: usize) -> bool {
         let candidate = &self.hypothesis.effects[effect];
-        Candidate::searched(candidate.kind)
-            .filter(|(_, parameter)| parameter.null.is_finite() && matches!(parameter.usage, Use::Fitted))
-            .all(|(value, parameter)| {
+        Candidate::searched(candidate.kind).filter(|(_, parameter)| parameter.null.is_finite()).any(
+            |(value, parameter)| {
                 let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
                 let std = std * slope(parameter, candidate.values[value]).abs();
                 (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
-            })
+            },
+        )
     }
 
     /// Whether the interval of 95 % of the shape of an effect excludes that of the catalog's law.
@@ -242,16 +243,6 @@ impl Fit {
             let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
             let std = std * slope(shape, candidate.values[value]).abs();
             (candidate.values[value] - neutral).abs() > TWO_SIDED * std
-        })
-    }
-
-    /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than
-    /// the value may be off.
-    pub fn is_plausible(&self) -> bool {
-        let Some((effect, candidate)) = self.hypothesis.effects.iter().enumerate().next_back() else { return true };
-        candidate.is_plausible(|value| {
-            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(0.0);
-            TWO_SIDED * std * slope(&candidate.kind.parameters[value], candidate.values[value]).abs()
         })
     }
 

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_identify::steps::{SPLITS, Split as StepSplit};
+use rotorlead_plant::Trace;
 use rotorlead_records::Excitation;
 
 use crate::data::dataset::{Dataset, Record, Split};
@@ -71,8 +72,8 @@ pub(crate) trait RecordLikelihood {
         None
     }
 
-    /// Minus twice the log likelihood over a split, but for a constant, by the errors that the hypothesis leaves itself.
-    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64>;
+    /// What a model that was simulated leaves of the columns beside the response. `None` where it says nothing of one.
+    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>>;
 
     /// The weights that a hypothesis gives, by what it leaves beside what is free.
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights>;
@@ -98,6 +99,15 @@ pub(crate) trait RecordLikelihood {
 
     /// Standard deviation of the noise of a row.
     fn noise_std(&self) -> f64;
+}
+
+/// What is left of a column beside the response.
+#[derive(Clone, Debug)]
+pub(crate) struct Beside {
+    /// Over its standard deviations.
+    pub white: Vec<Complex64>,
+    /// How many independent numbers that is.
+    pub numbers: f64,
 }
 
 /// Sums of squares, response units.
@@ -175,12 +185,6 @@ impl Likelihood {
     /// Sum of squares of the white residuals over a split. `None` where the hypothesis is impossible.
     pub fn chi_square(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
         self.sum(hypothesis, split, |of| of.residual(hypothesis, split).map(|white| dot(&white, &white)))
-    }
-
-    /// Minus twice the log likelihood over a split, but for a constant: [`Self::chi_square`], and of records that do not repeat that
-    /// with the errors that they are left with.
-    pub fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
-        self.sum(hypothesis, split, |of| of.deviance(hypothesis, split))
     }
 
     fn sum(

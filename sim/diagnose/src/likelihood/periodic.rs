@@ -3,9 +3,11 @@
 use num_complex::Complex64;
 use rotorlead_identify::align;
 use rotorlead_numerics::sample::mean;
+use rotorlead_plant::Trace;
 
 use super::excess::{Excess, Line, Term};
-use super::{InitialCondition, Power, RecordLikelihood, RecordWeights};
+use super::{Beside, InitialCondition, Power, RecordLikelihood, RecordWeights};
+use crate::data::auxiliary::AuxiliaryChannel;
 use crate::data::dataset::{Dataset, Record, Segment, Split};
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
@@ -121,11 +123,14 @@ impl RecordLikelihood for Periodic<'_> {
         })
     }
 
-    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
-        self.residual(hypothesis, split).map(|white| dot(&white, &white))
+    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
+        let of_channel = |channel: &AuxiliaryChannel| {
+            let white = channel.left(trace)?;
+            Some(Beside { numbers: 2.0 * white.len() as f64, white })
+        };
+        self.record.auxiliary_channels.iter().map(of_channel).collect()
     }
 
-    /// By what of the residual of the whole record does not repeat.
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {
         let (_, left) = hypothesis.aligned(self.data, self.record)?;
         let periods = self.record.periods();

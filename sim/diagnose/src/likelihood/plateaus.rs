@@ -1,17 +1,7 @@
 //! The likelihood of records that do not repeat.
 //!
-//! What of them is compared, and by which errors, is said in [`plateau_errors`](crate::noise::plateau_errors). Beside the response they
-//! may show the speed, and the voltage of the supply. These separate what the response alone cannot: a second pole of the sensor, a
-//! lead of the inflow and a mode of the stand are in the thrust and not in the speed; a sag of the supply is in the voltage, a drift
-//! of the gain is not. So each column that is there adds its own white residual to that of the response:
-//!
-//! | column | model | free |
-//! |---|---|---|
-//! | `rpm` beside `thrust_n` | the simulated speed | a parabola of it: thrust is the square of the revolutions, more or less |
-//! | `voltage_v` | the supply's voltage over that without load: 1 without an effect on the supply | the voltage without load |
-//!
-//! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
-//! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
+//! What of them is compared, and by which errors, is said in [`plateau_errors`](crate::noise::plateau_errors). Columns beside the
+//! response have errors of their own.
 
 use std::sync::Arc;
 
@@ -20,7 +10,7 @@ use num_complex::Complex64;
 use rotorlead_plant::Trace;
 
 use super::excess::{Excess, Term};
-use super::{Power, RecordLikelihood, RecordWeights};
+use super::{Beside, Power, RecordLikelihood, RecordWeights};
 use crate::data::columns::Channel;
 use crate::data::dataset::{Dataset, Record, Split};
 use crate::data::plateaus::{Group, Log};
@@ -273,23 +263,18 @@ impl RecordLikelihood for Plateaus<'_> {
     }
 
     fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
-        let (difference, trace) = hypothesis.seen(self.data, self.record)?;
-        let white = self.weights.response.of(split).apply(&self.beside_free(hypothesis, &difference));
-        let known_by = self.weights.known_by();
-        let beside = self.channels().flat_map(|(channel, filters)| {
-            filters.of(split).apply(&self.left_of(channel, filters.of(known_by), &trace))
-        });
-        Some(white.into_iter().chain(beside).map(Complex64::from).collect())
+        let white = self.weights.response.of(split).apply(&self.left(hypothesis)?);
+        Some(white.into_iter().map(Complex64::from).collect())
     }
 
-    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
-        let (difference, trace) = hypothesis.seen(self.data, self.record)?;
+    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
         let known_by = self.weights.known_by();
         let of_channel = |(channel, filters): (&Channel, &Filters)| {
-            filters.of(split).deviance(&self.left_of(channel, filters.of(known_by), &trace))
+            let filter = filters.of(known_by);
+            let white = filter.apply(&self.left_of(channel, filter, trace));
+            Beside { white: white.into_iter().map(Complex64::from).collect(), numbers: filter.numbers() }
         };
-        let channels: f64 = self.channels().map(of_channel).sum();
-        Some(self.weights.response.of(split).deviance(&self.beside_free(hypothesis, &difference)) + channels)
+        Some(self.channels().map(of_channel).collect())
     }
 
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {

@@ -6,7 +6,7 @@ use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use super::frame_hold;
 
 /// Part of its plausible range by which a value may lie beyond it, being an estimate.
-const AT_MOST_OFF: f64 = 0.1;
+pub(crate) const AT_MOST_OFF: f64 = 0.1;
 
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(crate) const GRID: u32 = 12;
@@ -69,44 +69,36 @@ impl Candidate {
         })
     }
 
-    /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
-    /// is asked for by the value's place.
-    pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {
-        self.numbers().all(|(index, _)| self.is_value_plausible(index, off(index)))
-    }
-
-    /// How far its values lie beyond their plausible ranges, seen from where the effect vanishes: the sum of squares, each in tenths of
-    /// its range in the coordinates of a search.
+    /// How far its values lie beyond their plausible ranges: the sum of squares, each in tenths of its range.
     pub fn beyond_range_square(&self) -> f64 {
-        let of_value = |(index, parameter): (usize, &'static Parameter)| {
-            let (low, high) = parameter.plausible;
-            let [at, low, high] = [self.values[index], low, high].map(|value| to_coordinate(parameter, value));
-            let null = to_coordinate(parameter, parameter.null);
-            let above = if null >= high { 0.0 } else { (at - high).max(0.0) };
-            let below = if null <= low { 0.0 } else { (low - at).max(0.0) };
-            ((above + below) / (AT_MOST_OFF * (high - low))).powi(2)
-        };
-        self.numbers().map(of_value).sum()
+        self.numbers().map(|(index, _)| (self.beyond(index) / AT_MOST_OFF).powi(2)).sum()
     }
 
-    /// Which value lies beyond its plausible range by more than it may be `off`, in words.
-    pub fn beyond_range(&self, off: impl Fn(usize) -> f64) -> Option<String> {
-        let (index, parameter) = self.numbers().find(|(index, _)| !self.is_value_plausible(*index, off(*index)))?;
+    /// Which value lies beyond its plausible range by more than this `part` of it, in words.
+    pub fn beyond_range(&self, part: f64) -> Option<String> {
+        let (index, parameter) = self.numbers().find(|(index, _)| self.beyond(*index) > part)?;
         let (low, high) = parameter.plausible;
         let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
         Some(format!("plausible range: {} {:.3}{unit}, expected {low} to {high}", parameter.name, self.values[index]))
     }
 
-    /// The same of one value, which may be `off`.
-    pub fn is_value_plausible(&self, index: usize, off: f64) -> bool {
+    /// How far a value lies beyond its plausible range, seen from where the effect vanishes, in parts of that range in the coordinates of a
+    /// search. 0 for the time constant of something of no size.
+    fn beyond(&self, index: usize) -> f64 {
         let parameter = &self.kind.parameters[index];
-        let (value, (low, high)) = (self.values[index], parameter.plausible);
+        let is_of_nothing = matches!(parameter.usage, Use::Fitted)
+            && parameter.null.is_nan()
+            && self.values[0] == self.kind.parameters[0].null;
+        if is_of_nothing {
+            return 0.0;
+        }
+        let (low, high) = parameter.plausible;
+        let [at, low, high] = [self.values[index], low, high].map(|value| to_coordinate(parameter, value));
         // Of a value without such a place, whose null is no number, both ends count.
-        let vanishes_above = parameter.null >= high;
-        let vanishes_below = parameter.null <= low;
-        let off = off.min(AT_MOST_OFF * (high - low));
-        let (above, below) = (value > high + off && !vanishes_above, value < low - off && !vanishes_below);
-        !(above || below)
+        let null = to_coordinate(parameter, parameter.null);
+        let above = if null >= high { 0.0 } else { (at - high).max(0.0) };
+        let below = if null <= low { 0.0 } else { (low - at).max(0.0) };
+        (above + below) / (high - low)
     }
 
     /// Places of the values that a search may change.
@@ -343,11 +335,21 @@ mod tests {
     }
 
     #[test]
-    fn a_value_beyond_its_range_is_plausible_by_as_much_as_it_may_be_off() {
+    fn a_value_is_plausible_a_tenth_beyond_its_range_and_not_farther() {
         let most = skewed(0.0).kind.parameters[0].plausible.1;
-        assert!(skewed(most).is_plausible(|_| 0.0) && !skewed(1.01 * most).is_plausible(|_| 0.0));
-        assert!(skewed(1.01 * most).is_plausible(|_| 0.02 * most));
-        // A value that is not known at all is no excuse.
-        assert!(!skewed(1.5 * most).is_plausible(|_| f64::INFINITY));
+        assert_eq!(skewed(most).beyond_range_square(), 0.0);
+        assert_eq!(skewed(1.01 * most).beyond_range(AT_MOST_OFF), None);
+        assert!(skewed(1.01 * most).beyond_range(0.0).is_some());
+        assert!(
+            skewed(1.5 * most).beyond_range(AT_MOST_OFF).is_some() && skewed(1.5 * most).beyond_range_square() > 1.0
+        );
+        let kind = Catalog::standard().find("supply_sag").unwrap();
+        let sag = |polarization_drop: f64| {
+            let mut values = kind.null();
+            (values[0], values[1], values[2]) = (polarization_drop, 40.0, 0.03);
+            Candidate::new(kind, values)
+        };
+        assert!(sag(0.05).beyond_range(AT_MOST_OFF).is_some());
+        assert_eq!(sag(0.0).beyond_range(0.0), None, "nothing has no time constant");
     }
 }

@@ -221,17 +221,6 @@ impl Hypothesis {
         Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
     }
 
-    /// [`Self::difference`] and [`Self::trace`] in one run where one will do, at the rows that are looked at.
-    pub fn seen(&self, data: &Dataset, record: &Record) -> Option<(Vec<f64>, Trace)> {
-        let trace = self.trace(data, record)?;
-        let difference = if trace.response.is_empty() || self.drifts() {
-            self.difference(data, record)?
-        } else {
-            record.measured.iter().zip(&trace.response).map(|(y, model)| y - model).collect()
-        };
-        Some((difference, trace))
-    }
-
     /// Whether the steady response changes with time.
     pub fn drifts(&self) -> bool {
         self.effects.iter().any(Candidate::drifts)

@@ -14,9 +14,7 @@
 //! Where the plateau before a step is held out and the one after it is fitted, the row on which the command changes stands for the
 //! former: it belongs to the latter, and the response is still on the level before.
 //!
-//! How large both errors are is not known beforehand, and is estimated from what is left. With variances that are estimated minus
-//! twice the greatest log likelihood is `n log(mean square)`, summed up over both, but for a constant (Seber & Wild, Nonlinear
-//! Regression, 1989, sec. 2.2).
+//! How large both errors are is not known beforehand, and is estimated from what is left.
 
 use std::ops::Range;
 
@@ -188,6 +186,13 @@ impl Filter {
         [level, moving].map(|(count, sum)| (count, if count > 0.0 { (sum / count).max(LEAST) } else { 1.0 }))
     }
 
+    /// How many independent numbers are compared.
+    pub fn numbers(&self) -> f64 {
+        let of_part =
+            |part: &Part| part.independent() + if part.settled.is_empty() { 0.0 } else { part.independent_level };
+        self.parts.iter().map(of_part).sum()
+    }
+
     /// The errors that values have.
     pub fn errors_of(&self, values: &[f64]) -> Errors {
         let [level, moving] = self.mean_squares(values).map(|(_, square)| square.sqrt());
@@ -202,11 +207,6 @@ impl Filter {
             alone.mean_squares(values)[1].1
         });
         ((count, count * level), moving.collect())
-    }
-
-    /// Minus twice the log likelihood of values with the errors that they have, but for a constant.
-    pub fn deviance(&self, values: &[f64]) -> f64 {
-        self.mean_squares(values).iter().map(|(count, square)| count * square.ln()).sum()
     }
 }
 

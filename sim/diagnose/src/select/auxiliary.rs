@@ -1,7 +1,5 @@
 //! What the columns beside the response say for one fit over another.
 
-use num_complex::Complex64;
-
 use crate::data::dataset::Record;
 use crate::estimate::fit::Fit;
 use crate::estimate::prediction::{STEPS, deviance_of};
@@ -12,23 +10,23 @@ use crate::model::hypothesis::Hypothesis;
 ///
 /// The numbers of a fit are known as well as the response tells them, and a column may tell them better: see [`prediction`].
 pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<Vec<f64>> {
-    let auxiliary_gains: Vec<&Record> =
-        likelihood.data.records.iter().filter(|record| !record.auxiliary_channels.is_empty()).collect();
-    let numbers: usize =
-        auxiliary_gains.iter().flat_map(|record| &record.auxiliary_channels).map(|one| 2 * one.measured.len()).sum();
-    let left = |record: &Record, hypothesis: &Hypothesis| {
+    let records: Vec<&Record> =
+        likelihood.data.records.iter().filter(|record| record.columns().next().is_some()).collect();
+    let beside = |record: &Record, hypothesis: &Hypothesis| {
         // A trace is of all commands.
         if hypothesis.in_rows {
             return None;
         }
-        let trace = hypothesis.trace(&likelihood.data, record)?;
-        let all: Option<Vec<Vec<Complex64>>> =
-            record.auxiliary_channels.iter().map(|auxiliary| auxiliary.left(&trace)).collect();
-        Some(all?.concat())
+        likelihood.of(record).beside(&hypothesis.trace(&likelihood.data, record)?)
     };
+    let white = |record: &Record, hypothesis: &Hypothesis| {
+        Some(beside(record, hypothesis)?.into_iter().flat_map(|column| column.white).collect())
+    };
+    let of_record = |record: &&Record| beside(record, &fits.first()?.hypothesis);
+    let numbers: f64 = records.iter().filter_map(of_record).flatten().map(|column| column.numbers).sum();
     let squares: Option<Vec<f64>> =
-        fits.iter().map(|fit| deviance_of(&auxiliary_gains, (fit, STEPS), (left, |_, _, _| None))).collect();
-    (!auxiliary_gains.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
+        fits.iter().map(|fit| deviance_of(&records, (fit, STEPS), (white, |_, _, _| None))).collect();
+    (!records.is_empty()).then(|| Some(gains(&squares?, numbers))).flatten()
 }
 
 /// What each is worth by the squares of `numbers` numbers that the columns have left with it, the best 0.

@@ -14,10 +14,9 @@ use crate::estimate::profile::profile_non_smooth;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
 use crate::select::explain::{Explanation, Search};
-use crate::select::policy::{ALIKE, HOPELESS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
-use crate::select::screen::{Screened, promising};
-use crate::select::tried::Tried;
-use crate::select::weak_evidence;
+use crate::select::policy::{ALIKE, HOPELESS, HOPELESS_IN_LOGS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
+use crate::select::screen::Screened;
+use crate::select::weak_evidence::{self, WeakEvidence};
 
 /// Members of a size that go on to the next, from none on.
 const WIDTHS: [usize; MOST_EFFECTS] = [1, 4, 2];
@@ -48,11 +47,6 @@ impl Member {
         let mut kinds: Vec<&'static Kind> = self.fit.hypothesis.effects.iter().map(|effect| effect.kind).collect();
         kinds.sort_by_key(|kind| kind.id);
         kinds
-    }
-
-    /// Whether no value lies farther from where its effect vanishes than any actuator is plausible to have it.
-    pub fn is_plausible(&self) -> bool {
-        self.fit.hypothesis.effects.iter().all(|effect| effect.beyond_range_square() < 1.0)
     }
 
     /// Whether the records do not exclude it.
@@ -116,37 +110,38 @@ impl Search<'_> {
         Self { likelihood, ..*self }
     }
 
-    /// Finds the effects in records that repeat: in all of them, and then their values in what is fitted alone, so that what is held out
-    /// judges them.
-    pub fn explain_periodic(&mut self, base: &Hypothesis) -> Option<Explanation> {
-        let before = self.settle(base, self.lags)?;
+    /// Finds the effects: in all records, and then their values in what is fitted alone, so that what is held out judges them.
+    pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        let before = self.settle(&base.clone().of_what_shows(&self.likelihood.data), self.lags)?;
         let mut all = self.on(self.likelihood.of_all());
-        let (pool, screened) = all.beam(&before.hypothesis)?;
-        let zero = pool.of(&[])?;
-        let tried: Vec<Tried> = pool.of_size(1).filter_map(|one| tried(zero, one)).collect();
-        let weak_evidence = weak_evidence::weak_evidence(weak_evidence::promised(&zero.fit, &screened), &tried);
+        let (pool, promised) = all.beam(&before.hypothesis)?;
+        let tried = all.tried(&pool);
         let (mut chosen, mut found) = all.chosen(&pool)?;
+        let decisions =
+            if self.likelihood.data.has_logs() { all.decisions(&pool, &chosen, &promised) } else { Vec::new() };
+        let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
         if found.is_empty()
-            && let Some((fit, named)) = all.explain_starts(&chosen)
+            && let Some((member, named)) = all.explain_starts(&chosen.fit)
         {
-            (chosen, found) = (fit, named);
+            (chosen, found) = (member, named);
             self.likelihood.initial_condition = InitialCondition::Steady;
         }
         let after = match found.is_empty() {
             true => before.clone(),
             false => {
-                self.likelihood = self.likelihood.weighed(&chosen.hypothesis);
-                let settled = self.settle(&chosen.hypothesis, self.lags)?;
+                self.likelihood = self.likelihood.weighed(&chosen.fit.hypothesis);
+                let settled = self.settle(&chosen.fit.hypothesis, self.lags)?;
                 profile_non_smooth(&self.likelihood, settled)?
             }
         };
-        Some(Explanation { before, after, found, tried, weak_evidence, decisions: Vec::new() })
+        Some(Explanation { before, after, found, tried, weak_evidence, decisions })
     }
 
     /// The members that were tried, and what was promised beside the lags alone.
-    pub fn beam(&mut self, lags: &Hypothesis) -> Option<(Pool, Vec<Screened>)> {
+    pub fn beam(&mut self, lags: &Hypothesis) -> Option<(Pool, Vec<WeakEvidence>)> {
         let zero = self.member(fit(&self.likelihood, lags, self.lags)?);
         let screened = self.screened(&zero.fit, &[]);
+        let promised = weak_evidence::promised(&zero.fit, &screened);
         let (mut pool, mut best) = (Pool::default(), zero.clone());
         pool.add(zero);
         // The lags alone have no law to bend.
@@ -154,7 +149,8 @@ impl Search<'_> {
         for size in 1..=MOST_EFFECTS {
             let zero = pool.of(&[])?;
             let is_noise = self.is_noise(&best.fit);
-            if size == MOST_EFFECTS && (is_noise || self.leaves(&best.fit, &zero.fit) > HOPELESS) {
+            let hopeless = if self.likelihood.data.has_logs() { HOPELESS_IN_LOGS } else { HOPELESS };
+            if size == MOST_EFFECTS && (is_noise || self.leaves(&best.fit, &zero.fit) > hopeless) {
                 break;
             }
             let least = zero.evidence + PART_OF_BEST * (best.evidence - zero.evidence);
@@ -188,7 +184,7 @@ impl Search<'_> {
             }
             best = pool.of_size(size).next()?.clone();
         }
-        Some((pool, screened))
+        Some((pool, promised))
     }
 
     /// Whether a fit leaves nothing but noise.
@@ -209,8 +205,8 @@ impl Search<'_> {
             (self.progress)();
             fit_in(&self.likelihood, start, self.lags, FIRST).map(|fit| self.member(fit))
         };
-        let starts = promising(&from.fit, screened, part);
-        let mut members: Vec<Member> = starts.iter().filter_map(|(start, _)| first(start)).collect();
+        let starts = self.starts(&from.fit, screened, part);
+        let mut members: Vec<Member> = starts.iter().filter_map(first).collect();
         members.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let go_on = WIDTHS.get(from.size() + 1).copied().unwrap_or(1);
         let mut best = members.first().map_or(0.0, |best| best.evidence);
@@ -237,7 +233,8 @@ impl Search<'_> {
         self.likelihood = weighed;
         let mut again = Pool::default();
         let zero = pool.of(&[]).cloned();
-        let kept = pool.0.into_iter().take(KEPT).filter(|member| member.size() > 0 && member.is_possible());
+        let kept = if self.likelihood.data.has_logs() { pool.0.len() } else { KEPT };
+        let kept = pool.0.into_iter().take(kept).filter(|member| member.size() > 0 && member.is_possible());
         for member in kept.chain(zero) {
             if let Some(fit) = fit_in(&self.likelihood, &member.fit.hypothesis, self.lags, FIRST) {
                 again.add(self.member(fit));
@@ -247,16 +244,9 @@ impl Search<'_> {
     }
 }
 
-/// A kind that was tried beside the lags alone.
-fn tried(zero: &Member, one: &Member) -> Option<Tried> {
-    let fitted_gain = 0.5 * (zero.fit.chi_square - one.fit.chi_square);
-    Some(Tried {
-        kind: one.fit.hypothesis.effects.first()?.kind,
-        fit: one.fit.clone(),
-        fitted_gain,
-        held_out_gain: 0.0,
-        complexity_penalty: fitted_gain - (one.evidence - zero.evidence),
-    })
+/// The kinds but one.
+pub(crate) fn without(kinds: &[&'static Kind], one: &Kind) -> Vec<&'static Kind> {
+    kinds.iter().copied().filter(|kind| kind.id != one.id).collect()
 }
 
 #[cfg(test)]

@@ -1,62 +1,32 @@
 //! Which set of kinds is named, and what would do as well in the place of each.
 
-use rotorlead_plant::effect::{Kind, Site};
+use rotorlead_plant::effect::Site;
 
 use super::auxiliary::auxiliary_gains;
-use super::beam::{Member, Pool};
+use super::beam::{Member, Pool, without};
 use crate::estimate::fit::{Fit, fit};
 use crate::estimate::profile::MOVES;
 use crate::model::candidate::Candidate;
 use crate::propose;
 use crate::select::explain::{Found, Search};
-use crate::select::policy::{ALIKE, LEAST_SCORE, OF_LAW, OF_NOISE};
+use crate::select::policy::{ALIKE, LEAST_SCORE};
 
-/// A member with its evidence by all columns.
+/// A member with its evidence, less what its names cost.
 type Weighed<'a> = (f64, &'a Member);
 
 impl Search<'_> {
-    /// The effects that are named, and the fit with them.
-    pub fn chosen(&self, pool: &Pool) -> Option<(Fit, Vec<Found>)> {
-        let near = self.near_the_best(pool);
-        let chosen = self.choose(pool, &near)?;
-        let found = self.found(pool, &near, &chosen)?;
-        Some((self.with_whole_steps(&chosen.fit), found))
-    }
-
-    /// The fewest names within chance of the best, each of which explains more than what another's law may be off by.
-    fn choose(&self, pool: &Pool, near: &[Weighed]) -> Option<Member> {
-        let zero = pool.of(&[])?;
-        let fewest = near.iter().map(|near| near.1.size()).min().unwrap_or(0);
-        let of_fewest = near.iter().filter(|near| near.1.size() == fewest);
-        let mut best = of_fewest.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(zero, |near| near.1).clone();
-        while best.size() > 1 {
-            let lost = (0..best.size()).filter_map(|effect| {
-                let rest = self.without(pool, &best, effect)?;
-                Some((best.evidence - rest.evidence, rest))
-            });
-            let Some((lost, rest)) = lost.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            let whole = best.evidence - zero.evidence;
-            let least = if self.is_noise(&best.fit) { LEAST_SCORE + OF_NOISE * whole } else { OF_LAW * whole };
-            if lost >= least {
-                break;
-            }
-            best = rest;
-        }
-        Some(self.as_delay(pool, &best).cloned().unwrap_or(best))
-    }
-
-    /// A member without one of its effects.
-    fn without(&self, pool: &Pool, member: &Member, effect: usize) -> Option<Member> {
-        let hypothesis = &member.fit.hypothesis;
-        let rest = without(&member.kinds(), hypothesis.effects[effect].kind);
-        let fitted = || fit(&self.likelihood, &hypothesis.without(effect), self.lags).map(|fit| self.member(fit));
-        pool.of(&rest).filter(|rest| rest.is_possible()).cloned().or_else(fitted)
+    /// The member whose effects are named: that of the most evidence, where each name costs what the law of another may be off by.
+    pub fn chosen(&self, pool: &Pool) -> Option<(Member, Vec<Found>)> {
+        let near = self.near_the_best(pool)?;
+        let (own, best) = near.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let chosen = self.as_delay(pool, best).unwrap_or(best);
+        let found = self.found(pool, (own, chosen), &near)?;
+        Some((Member { fit: self.with_whole_steps(&chosen.fit), ..chosen.clone() }, found))
     }
 
     /// The kinds of the chosen member, with what each is worth and what would do as well. `None` where nothing can be said without one.
-    fn found(&self, pool: &Pool, near: &[Weighed], chosen: &Member) -> Option<Vec<Found>> {
+    fn found(&self, pool: &Pool, (own, chosen): Weighed, near: &[Weighed]) -> Option<Vec<Found>> {
         let kinds = chosen.kinds();
-        let own = near.iter().find(|near| near.1.kinds() == kinds).map_or(chosen.evidence, |near| near.0);
         let of_effect = |(place, effect): (usize, &Candidate)| {
             let rest = without(&kinds, effect.kind);
             let stands_in = |(evidence, other): &&Weighed| {
@@ -67,26 +37,38 @@ impl Search<'_> {
             let others = near.iter().filter(stands_in).flat_map(|near| near.1.kinds());
             Some(Found {
                 kind: effect.kind,
-                score: chosen.evidence - self.without(pool, chosen, place)?.evidence,
+                score: self.worth(pool, chosen, place)?.lost,
                 alternatives: others.filter(|kind| !kinds.contains(kind)).collect(),
             })
         };
         chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }
 
-    /// The members within chance of the best: those that an actuator may be, or that leave nothing but noise, since its law may be a
-    /// little other than the catalog's.
-    fn near_the_best<'a>(&self, pool: &'a Pool) -> Vec<Weighed<'a>> {
-        let may_be = |one: &&Member| one.is_plausible() || self.is_noise(&one.fit);
-        let Some(top) = pool.members().iter().find(may_be).map(|best| best.evidence) else { return Vec::new() };
-        let near = pool.members().iter().take_while(|one| one.evidence >= top - LEAST_SCORE).filter(may_be);
-        let near: Vec<&Member> = near.collect();
-        let fits: Vec<&Fit> = near.iter().map(|one| &one.fit).collect();
+    /// The members within chance of the best that may be named, by all columns.
+    fn near_the_best<'a>(&self, pool: &'a Pool) -> Option<Vec<Weighed<'a>>> {
+        let may_be = |one: &&Member| self.is_plausible(one) || self.is_noise(&one.fit);
+        let most = pool.members().iter().find(may_be)?;
+        let cost = self.cost_of_a_name(pool, most);
+        let mut all: Vec<Weighed> =
+            pool.members().iter().map(|one| (one.evidence - cost * one.size() as f64, one)).collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut near: Vec<Weighed> = Vec::new();
+        for (score, one) in all {
+            if near.first().is_some_and(|best| score < best.0 - LEAST_SCORE) {
+                break;
+            }
+            if may_be(&one) && self.is_borne_out(pool, one) {
+                near.push((score, one));
+            }
+        }
+        let fits: Vec<&Fit> = near.iter().map(|one| &one.1.fit).collect();
         let gains = if near.len() > 1 { auxiliary_gains(&self.likelihood, &fits) } else { None };
-        let gains = gains.unwrap_or_else(|| vec![0.0; near.len()]);
-        let weighed: Vec<Weighed> = near.iter().zip(gains).map(|(one, gain)| (one.evidence + gain, *one)).collect();
-        let best = weighed.iter().map(|one| one.0).fold(f64::NEG_INFINITY, f64::max);
-        weighed.into_iter().filter(|one| one.0 >= best - LEAST_SCORE).collect()
+        for (one, gain) in near.iter_mut().zip(gains.into_iter().flatten()) {
+            one.0 += gain;
+        }
+        let best = near.iter().map(|one| one.0).fold(f64::NEG_INFINITY, f64::max);
+        near.retain(|one| one.0 >= best - LEAST_SCORE);
+        Some(near)
     }
 
     /// The same with a delay for a hold whose frames do not show: by all that is known it is one.
@@ -115,9 +97,4 @@ impl Search<'_> {
         let whole = fit(&self.likelihood, &whole, self.lags);
         whole.filter(|whole| whole.chi_square < found.chi_square + MOVES).unwrap_or_else(|| found.clone())
     }
-}
-
-/// The kinds but one.
-fn without(kinds: &[&'static Kind], one: &Kind) -> Vec<&'static Kind> {
-    kinds.iter().copied().filter(|kind| kind.id != one.id).collect()
 }

@@ -3,20 +3,22 @@
 use rotorlead_plant::effect::Kind;
 use serde::Serialize;
 
-use crate::select::tried::Tried;
+use super::beam::{Member, Pool, without};
+use crate::select::explain::Search;
+use crate::select::weak_evidence::WeakEvidence;
 
-/// What became of a kind in a log.
+/// What became of a kind in records that do not repeat.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Decision {
     /// The kind.
     pub kind: &'static Kind,
     /// What it was tried beside.
     pub beside: Vec<&'static Kind>,
-    /// Gain of log likelihood over what is fitted; after a few steps of a search only where no score is known.
+    /// Gain of log likelihood over what is fitted; of a kind that was not followed, as far as its first look says.
     pub fitted_gain: f64,
-    /// The mean gain over what is held out; `None` where the fitted gain was too far behind to go on.
+    /// The mean gain over what is held out in turn; `None` where the score was too low to ask.
     pub held_out_gain: Option<f64>,
-    /// Both, less what the search would gain by chance.
+    /// The gain of log evidence; `None` for a kind that was not followed.
     pub score: Option<f64>,
     /// What it failed, empty for a kind that was added.
     pub failed: Vec<String>,
@@ -30,21 +32,56 @@ impl Decision {
     pub fn outcome(&self) -> String {
         match self.is_added {
             true => "added: passes every test".to_owned(),
-            false if self.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
             false => format!("not added. Fails {}", self.failed.join("; ")),
         }
     }
+}
 
-    /// That of a kind that was tried to the end.
-    pub(crate) fn of(tried: &Tried, beside: &[&'static Kind], failed: Vec<String>) -> Self {
-        Self {
-            kind: tried.kind,
-            beside: beside.to_vec(),
-            fitted_gain: tried.fitted_gain,
-            held_out_gain: Some(tried.held_out_gain),
-            score: Some(tried.score()),
-            is_added: failed.is_empty(),
-            failed,
+impl Search<'_> {
+    /// What became of each kind: of those that were tried beside those that were chosen where they were tried there, and of what was only
+    /// `promised` beside the lags.
+    pub fn decisions(&self, pool: &Pool, chosen: &Member, promised: &[WeakEvidence]) -> Vec<Decision> {
+        let named = chosen.kinds();
+        let of_kind = |member: &Member| {
+            let kind = member.fit.hypothesis.effects.first()?.kind;
+            let more = |kind| {
+                let mut kinds = named.clone();
+                kinds.push(kind);
+                kinds.sort_by_key(|kind| kind.id);
+                kinds
+            };
+            let is_added = named.contains(&kind);
+            let tried = if is_added { chosen } else { pool.of(&more(kind)).unwrap_or(member) };
+            let place = tried.fit.hypothesis.effects.iter().position(|effect| effect.kind == kind)?;
+            let worth = self.worth(pool, tried, place)?;
+            let mut failed = worth.failed;
+            if !is_added && failed.is_empty() {
+                failed.push("score: another one explains the same better".to_owned());
+            }
+            Some(Decision {
+                kind,
+                beside: without(&tried.kinds(), kind),
+                fitted_gain: worth.fitted_gain,
+                held_out_gain: worth.held_out_gain,
+                score: Some(worth.lost),
+                failed: if is_added { Vec::new() } else { failed },
+                is_added,
+            })
+        };
+        let mut decisions: Vec<Decision> = pool.of_size(1).filter_map(of_kind).collect();
+        for WeakEvidence { kind, evidence } in promised {
+            if decisions.iter().all(|decision| decision.kind != *kind) {
+                decisions.push(Decision {
+                    kind,
+                    beside: Vec::new(),
+                    fitted_gain: *evidence,
+                    held_out_gain: None,
+                    score: None,
+                    failed: vec!["training gain: others promise more".to_owned()],
+                    is_added: false,
+                });
+            }
         }
+        decisions
     }
 }

@@ -82,9 +82,4 @@ impl Search<'_> {
         let left = |fit: &Fit| self.likelihood.excess(&fit.hypothesis, Split::Train);
         if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
     }
-
-    /// Finds the effects.
-    pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
-        if self.likelihood.data.has_logs() { self.explain_logs(base) } else { self.explain_periodic(base) }
-    }
 }

@@ -39,7 +39,7 @@ impl Search<'_> {
 
     /// Whether the best of a size that is plausible leaves nothing but noise.
     pub fn explains(&self, pool: &Pool, size: usize) -> bool {
-        pool.of_size(size).find(|one| one.is_plausible()).is_some_and(|one| self.is_noise(&one.fit))
+        pool.of_size(size).find(|one| self.is_plausible(one)).is_some_and(|one| self.is_noise(&one.fit))
     }
 
     /// Bends the laws of the best of a size.

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
+use rotorlead_records::Output;
 
+use crate::data::dataset::{Dataset, Record};
 use crate::estimate::fit::Fit;
 use crate::estimate::score_test::ScoreTest;
 use crate::likelihood::Likelihood;
@@ -135,7 +137,7 @@ impl Search<'_> {
             let first = part.as_ref().and_then(|part| Look::new(part, near));
             let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
             let mut looked: Vec<Looked> = kinds
-                .filter(|kind| kind.shows != Shows::OverLevels)
+                .filter(|kind| self.likelihood.data.can_show(kind))
                 .map(|kind| {
                     (self.progress)();
                     self.looked((&all, first.as_ref()), &scan, near, kind)
@@ -156,11 +158,13 @@ impl Search<'_> {
         screened
     }
 
-    /// The best start of one kind, with what it would leave of all records.
-    pub fn screen(&self, all: &Look, scan: &Scan, from: &Fit, kind: &'static Kind) -> Option<Screened> {
-        let mut looked = self.looked((all, None), scan, from, kind);
-        looked.look_closer();
-        looked.by_all(all, 1).into_iter().next()
+    /// The starts to search from beside `from`. Where records do not repeat what is left is no noise, and promises say little: there is
+    /// one of each kind.
+    pub fn starts(&self, from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<Hypothesis> {
+        match self.likelihood.data.has_logs() {
+            true => best_of_each(screened),
+            false => promising(from, screened, part_of_best),
+        }
     }
 
     /// The starts of a kind, looked at by `first` where that is there and shows it, and else by `all`.
@@ -185,12 +189,34 @@ impl Search<'_> {
     }
 }
 
+impl Dataset {
+    /// Whether the records can show a kind.
+    fn can_show(&self, kind: &Kind) -> bool {
+        match kind.shows {
+            // A static map that is free has no curvature left to find.
+            Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(Record::has_free_map),
+            Shows::Anywhere => true,
+            Shows::OverLevels => self.has_logs(),
+            Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
+            Shows::BetweenClocks => self.has_periodic(),
+            Shows::InForce => self.output == Output::ThrustN,
+        }
+    }
+}
+
+/// The best start of each kind.
+fn best_of_each(screened: &[Screened]) -> Vec<Hypothesis> {
+    let is_first =
+        |(place, (.., kind)): &(usize, &Screened)| screened[..*place].iter().all(|(.., other)| other != kind);
+    screened.iter().enumerate().filter(is_first).map(|(_, (_, start, _))| start.clone()).collect()
+}
+
 /// The starts to search from, of those that were screened, the most promising first: of kinds that promise at least this part of the
 /// best, and of a few in any case.
-pub(crate) fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<(Hypothesis, &'static Kind)> {
+fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<Hypothesis> {
     // A gain of log likelihood is half of one of the chi-square.
     let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
-    let mut chosen: Vec<(Hypothesis, &'static Kind)> = Vec::new();
+    let mut chosen: Vec<(&Hypothesis, &'static Kind)> = Vec::new();
     let mut kinds: Vec<&'static Kind> = Vec::new();
     for (left, start, kind) in screened {
         let gain = from.chi_square - left;
@@ -209,7 +235,7 @@ pub(crate) fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) ->
         if is_new {
             kinds.push(kind);
         }
-        chosen.push((start.clone(), kind));
+        chosen.push((start, kind));
     }
-    chosen
+    chosen.into_iter().map(|(start, _)| start.clone()).collect()
 }

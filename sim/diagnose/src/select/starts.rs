@@ -15,6 +15,7 @@
 //! An effect with which `s` vanishes is better by the logarithm, and by no more: that all begins are off for reasons of their own stays
 //! possible.
 
+use super::beam::Member;
 use super::evidence::evidence;
 use crate::data::dataset::Record;
 use crate::estimate::fit::{Fit, fit};
@@ -67,7 +68,7 @@ fn deviance(off: &[Off]) -> f64 {
 impl Search<'_> {
     /// The effects with which all records begin where they should, where they do not with the lags alone, `before`. From then on the
     /// begins are compared. `None` where there are none. In the noise that `before` was fitted in.
-    pub fn explain_starts(&self, before: &Fit) -> Option<(Fit, Vec<Found>)> {
+    pub fn explain_starts(&self, before: &Fit) -> Option<(Member, Vec<Found>)> {
         let off_before = off(&self.likelihood, &before.hypothesis);
         if are_as_before(&off_before) {
             return None;
@@ -76,7 +77,7 @@ impl Search<'_> {
         steady.likelihood.initial_condition = InitialCondition::Steady;
         let (pool, _) = steady.beam(&before.hypothesis)?;
         let (after, mut found) = steady.chosen(&pool)?;
-        let off_after = off(&self.likelihood, &after.hypothesis);
+        let off_after = off(&self.likelihood, &after.fit.hypothesis);
         if found.is_empty() || !are_as_before(&off_after) {
             return None;
         }
@@ -85,7 +86,7 @@ impl Search<'_> {
             fit(&self.likelihood, hypothesis, self.lags).map(|fit| evidence(&self.likelihood, &fit))
         };
         let of_begins = 0.5 * (deviance(&off_before) - deviance(&off_after));
-        let score = free(&after.hypothesis)? - free(&before.hypothesis)? + of_begins;
+        let score = free(&after.fit.hypothesis)? - free(&before.hypothesis)? + of_begins;
         found.iter_mut().for_each(|found| found.score = found.score.min(score));
         (score >= LEAST_SCORE).then_some((after, found))
     }

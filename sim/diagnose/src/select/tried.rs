@@ -1,59 +1,49 @@
-//! A kind that was fitted, and its score.
-
-use std::cmp::Ordering;
+//! A kind that was tried beside the lags alone.
 
 use rotorlead_plant::effect::Kind;
 
+use super::beam::Pool;
 use crate::estimate::fit::Fit;
-use crate::model::candidate::Candidate;
-use crate::propose;
-use crate::select::policy::{LEAST_SCORE, LEAST_TRAINING_GAIN};
+use crate::model::candidate::AT_MOST_OFF;
+use crate::select::explain::Search;
+use crate::select::policy::LEAST_SCORE;
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]
 pub(crate) struct Tried {
     /// The kind.
     pub kind: &'static Kind,
-    /// The fit with it; its effect is the last one.
+    /// The fit with it.
     pub fit: Fit,
-    /// Gain of log likelihood over what is fitted.
+    /// Gain of log likelihood.
     pub fitted_gain: f64,
-    /// Gain of log likelihood over what is held out.
-    pub held_out_gain: f64,
-    /// What the search itself would gain by chance: see [`complexity_penalty`].
-    pub complexity_penalty: f64,
+    /// The same on steps that are held out in turn; `None` where that was not asked.
+    pub held_out_gain: Option<f64>,
+    /// Gain of log evidence.
+    pub score: f64,
 }
 
 impl Tried {
-    /// Whether no value lies farther from where the effect vanishes than any actuator of its kind is plausible to have it.
+    /// Whether its values are those of an actuator.
     pub fn is_plausible(&self) -> bool {
-        self.fit.is_plausible()
+        self.fit.hypothesis.effects.iter().all(|effect| effect.beyond_range(AT_MOST_OFF).is_none())
     }
 
     /// Whether its score is high enough.
     pub fn scores_enough(&self) -> bool {
-        self.score() >= LEAST_SCORE && self.exceeds_least_gain()
-    }
-
-    /// Whether it gains enough on what is fitted, whatever it does for what is held out.
-    pub fn exceeds_least_gain(&self) -> bool {
-        self.fitted_gain - self.complexity_penalty >= LEAST_TRAINING_GAIN
-    }
-
-    /// What it is worth, in units of log likelihood.
-    pub fn score(&self) -> f64 {
-        self.fitted_gain - self.complexity_penalty + self.held_out_gain
+        self.score >= LEAST_SCORE
     }
 }
 
-/// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
-/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
-/// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
-pub(crate) fn complexity_penalty(kind: &'static Kind) -> f64 {
-    Candidate::searched(kind).count() as f64 + propose::of(kind).places(kind).ln()
-}
-
-/// The most valuable first, of those that may be named.
-pub(crate) fn by_score(a: &Tried, b: &Tried) -> Ordering {
-    b.exceeds_least_gain().cmp(&a.exceeds_least_gain()).then(b.score().total_cmp(&a.score()))
+impl Search<'_> {
+    /// Each of a pool, the best first.
+    pub fn tried(&self, pool: &Pool) -> Vec<Tried> {
+        let of_member = |member| {
+            let worth = self.worth(pool, member, 0)?;
+            let kind = member.fit.hypothesis.effects.first()?.kind;
+            let (fitted_gain, held_out_gain, score) = (worth.fitted_gain, worth.held_out_gain, worth.lost);
+            Some(Tried { kind, fit: member.fit.clone(), fitted_gain, held_out_gain, score })
+        };
+        pool.of_size(1).filter_map(of_member).collect()
+    }
 }

@@ -10,9 +10,11 @@ use std::fmt;
 use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::Fit;
+use crate::model::candidate::Candidate;
+use crate::propose;
 use crate::select::policy::{ALIKE, LEAST_SCORE, LEAST_WEAK_EVIDENCE};
 use crate::select::screen::Screened;
-use crate::select::tried::{Tried, complexity_penalty};
+use crate::select::tried::Tried;
 
 /// A kind whose evidence is too weak for it to be added.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -41,6 +43,13 @@ impl fmt::Display for WeakEvidence {
             kind.id, kind.title
         )
     }
+}
+
+/// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
+/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
+/// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
+fn complexity_penalty(kind: &'static Kind) -> f64 {
+    Candidate::searched(kind).count() as f64 + propose::of(kind).places(kind).ln()
 }
 
 /// What each kind would gain on `from`, as far as the linearization holds.

@@ -149,6 +149,8 @@ pub struct Parameter {
     pub pieces: u32,
     /// Whether data has to say it.
     pub usage: Use,
+    /// Whether it is the time constant of a lag in series with the rotor's: around one command both could as well change places.
+    pub is_lag: bool,
 }
 
 /// How to step through a range.
@@ -244,6 +246,7 @@ impl Parameter {
             starts: &[],
             pieces: 12,
             usage: Use::Fitted,
+            is_lag: false,
         }
     }
 
@@ -300,6 +303,12 @@ impl Parameter {
     /// With a response that moves smoothly over large parts of the range.
     pub const fn smooth(self) -> Self {
         self.jumping(4)
+    }
+
+    /// Is the time constant of a lag in series with the rotor's.
+    pub const fn lag(mut self) -> Self {
+        self.is_lag = true;
+        self
     }
 
     /// May be absent, and then is `default`.

@@ -16,7 +16,8 @@ pub static KIND: Kind = Kind {
         Parameter::fitted("time_constant_s", "s", "time constant of the second lag")
             .possible(0.0, 10.0)
             .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])
-            .smooth(),
+            .smooth()
+            .lag(),
         // The slower of the two is the second.
         Parameter::fitted("third_ratio", "", "time constant of a third lag over that of the second")
             .possible(0.0, 1.0)
