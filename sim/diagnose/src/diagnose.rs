@@ -9,7 +9,7 @@ use rotorlead_records::Experiment;
 use crate::assess::conditions::Conditions;
 use crate::assess::lateness::Lateness;
 use crate::assess::minor::{self, MINOR, MinorEffect};
-use crate::assess::verdict::{self, Evidence, Verdict};
+use crate::assess::verdict::{self, Evidence, Finding, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
 use crate::data::dataset::{Dataset, Record, Split};
@@ -111,14 +111,18 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     });
     let fitted_left = fitted_left.unwrap_or_default().shares();
     let evidence = Evidence {
-        found: !found.is_empty() || wrong.is_some(),
-        numbers_alone: found.is_empty() && wrong.is_some(),
+        finding: match (found.is_empty(), &wrong) {
+            (false, _) => Finding::Effects,
+            (true, Some(_)) => Finding::Numbers,
+            (true, None) => Finding::Nothing,
+        },
         excess: (excess_before, excess_after),
         gap: gaps.total,
         unsure: gap::unsure(likelihood, &after, if gaps.held_out { Split::Holdout } else { Split::Train }),
         steadiness,
         is_timely: timing.is_steady(),
-        left_share: likelihood.excess_share(&after.hypothesis, Split::Train),
+        // The share that is left of a log is not that of noise.
+        is_minor: !data.has_logs() && likelihood.excess_share(&after.hypothesis, Split::Train) < MINOR,
         is_rejected: found.is_empty() && rejected(likelihood, &before, &tried, &mut minor),
         left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
     };
@@ -150,6 +154,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             parameters: estimates(likelihood, &after, index),
             evidence: found.score,
             alternatives: found.alternatives,
+            odds: found.odds,
             reservation: after.hypothesis.effects[index].beyond_range(0.0),
             gap_before: alone.before,
             gap_after: alone.after,
@@ -167,6 +172,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             parameters,
             evidence,
             alternatives: Vec::new(),
+            odds: Vec::new(),
             reservation: None,
             gap_before,
             gap_after,

@@ -33,6 +33,8 @@ pub struct NamedEffect {
     pub evidence: f64,
     /// Kinds that the data cannot tell from it.
     pub alternatives: Vec<&'static Kind>,
+    /// The odds of it against each of these: the ratio of the evidence for both.
+    pub odds: Vec<f64>,
     /// What speaks against it all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reservation: Option<String>,

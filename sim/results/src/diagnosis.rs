@@ -262,11 +262,17 @@ fn bends(effect: &NamedEffect) -> Option<String> {
     })
 }
 
+/// Odds to the unit: beyond that they are no better known than what they rest on.
+fn in_words(odds: f64) -> String {
+    if odds >= 1.0 { format!("{odds:.0} to 1") } else { format!("1 to {:.0}", 1.0 / odds) }
+}
+
 /// What is to be said of an effect beside its numbers, what to do last.
 pub fn effect_notes(effect: &NamedEffect) -> Vec<String> {
     let bends = bends(effect).map(|how| format!("Its law bends: {how}."));
-    let others = (!effect.alternatives.is_empty())
-        .then(|| format!("The records cannot tell it from {}.", named(&effect.alternatives)));
+    let others = effect.alternatives.iter().zip(&effect.odds);
+    let others: Vec<String> = others.map(|(kind, odds)| format!("{} (odds {})", kind.id, in_words(*odds))).collect();
+    let others = (!others.is_empty()).then(|| format!("The records cannot tell it from {}.", others.join(", ")));
     let reservation = effect.reservation.as_ref();
     let reservation = reservation
         .map(|reservation| format!("It fails {reservation}; named, since nothing but noise is left with it."));
@@ -387,6 +393,7 @@ mod tests {
                 .collect(),
             evidence: 100.0,
             alternatives: Vec::new(),
+            odds: Vec::new(),
             reservation: None,
             gap_before: 0.1,
             gap_after: 0.02,

@@ -1,24 +1,24 @@
 //! What is to be said of it all, in a word.
 
 use crate::assess::gap::Gap;
-use crate::assess::minor::MINOR;
 use crate::assess::steadiness::Steadiness;
 use crate::likelihood::excess::Excess;
 use serde::Serialize;
 
-/// Where more than noise is left, effects that leave more than this share of the chi-square are no story at all, be it on what
+/// Where more than noise is left, effects that leave more than this share of the power of the gap are no story at all, be it on what
 /// was fitted or on what was held out.
 const NONE: f64 = 0.1;
-/// Where it is noise, a gap wider than this times the noise floor must not be more than this share of what it was.
-const WIDE: f64 = 1.1;
+/// The same where nothing but noise is left of what was fitted: what was held out may be known worse.
 const HALF: f64 = 0.5;
-/// Standard errors by which the lags may be off.
-const ERRORS: f64 = 2.0;
 /// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name, and
 /// effects explain them from where they explain more of the power of the gap than they leave; or more of the power of what is left of
 /// the motion, or of the levels, on which an effect acts. What keeps wrong names out is
 /// their worth; `how_often_something_is_named_where_levels_are_off` counts them.
 pub(crate) const NONE_OF_LOGS: f64 = 0.5;
+/// A gap that is no wider than this times the noise floor is noise, whose estimate is off.
+const WIDE: f64 = 1.1;
+/// Standard errors by which the lags may be off.
+const ERRORS: f64 = 2.0;
 
 /// What is to be said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -47,21 +47,27 @@ impl Verdict {
     }
 }
 
+/// What a diagnosis found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Finding {
+    Nothing,
+    /// Wrong numbers of the lags alone.
+    Numbers,
+    Effects,
+}
+
 /// What the verdict rests on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Evidence {
-    /// Whether any effect was found, or wrong numbers.
-    pub found: bool,
-    /// Whether wrong numbers are all that was found.
-    pub numbers_alone: bool,
-    /// What is left over noise on the lines of what was fitted, before and after.
+    pub finding: Finding,
+    /// What is left over noise of what was fitted, before and after.
     pub excess: (Excess, Excess),
+    /// Whether what is left after does not matter, significant as it may be.
+    pub is_minor: bool,
     /// The gap on what was held out.
     pub gap: Gap,
     /// Square of the part of that gap which the standard errors of the lags account for.
     pub unsure: f64,
-    /// RMS of what is left of what was fitted beside noise, over that of the noise.
-    pub left_share: f64,
     /// Whether a kind that matters is worth a name beside the lags alone.
     pub is_rejected: bool,
     /// Whether what does not repeat can be noise.
@@ -74,63 +80,49 @@ pub(crate) struct Evidence {
 }
 
 impl Evidence {
-    /// The verdict. A wrong name is worse than none: effects that the held-out gap does not confirm are not named.
+    /// The verdict. A wrong name is worse than none: on average a delay that wanders looks like many kinds, what nothing explains moves gain
+    /// and lag too, and effects that the held-out gap does not confirm are not named.
     pub fn verdict(&self) -> Verdict {
-        let (before, after) = self.excess;
-        let is_noise = after.is_noise();
         let is_steady = self.steadiness.is_noise();
-        // On average a delay that wanders looks like many kinds.
-        if !self.is_timely {
-            return Verdict::Unknown;
+        let is_surely_noise = self.excess.1.is_surely_noise() && is_steady;
+        match self.finding {
+            _ if !self.is_timely => Verdict::Unknown,
+            Finding::Nothing if is_surely_noise && !self.is_rejected => Verdict::Agrees,
+            Finding::Nothing => Verdict::Unknown,
+            Finding::Numbers if !is_surely_noise => Verdict::Unknown,
+            _ if !self.explains() => Verdict::Unknown,
+            _ if self.is_all() && is_steady => Verdict::Named,
+            _ => Verdict::PartlyNamed,
         }
-        if !self.found {
-            // No test rejects: neither that of the residual nor that of any kind.
-            let agrees = after.is_surely_noise() && is_steady && !self.is_rejected;
-            return if agrees { Verdict::Agrees } else { Verdict::Unknown };
-        }
-        let part = after.over() / before.over();
-        // What is left may be significant, and not matter.
-        let is_all = is_noise || self.left_of_logs.is_none() && self.left_share < MINOR;
-        let explains = if is_all {
-            let Gap { after, noise_floor, .. } = self.gap.squared();
-            after < WIDE * WIDE * noise_floor + self.allowed() || self.left() < HALF
-        } else {
-            let none = if self.left_of_logs.is_some() { NONE_OF_LOGS } else { NONE };
-            part < none && self.left() < none || self.explains_levels_or_motion()
+    }
+
+    /// Whether all but noise is explained of what was fitted.
+    fn is_all(&self) -> bool {
+        self.excess.1.is_noise() || self.is_minor
+    }
+
+    /// Whether what was found leaves no more of the gap than its share, and takes away more than what bursts of noise may be off by.
+    fn explains(&self) -> bool {
+        let share = match self.left_of_logs {
+            _ if self.is_all() => HALF,
+            Some(_) => NONE_OF_LOGS,
+            None => NONE,
         };
-        let explains = explains && (is_steady || self.outweighs_bursts());
-        // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
-        let explains = explains && (!self.numbers_alone || is_steady && after.is_surely_noise());
-        match (explains, is_all && is_steady) {
-            (true, true) => Verdict::Named,
-            (true, false) => Verdict::PartlyNamed,
-            (false, _) => Verdict::Unknown,
-        }
+        let Gap { before, after, noise_floor } = self.gap.squared();
+        let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;
+        self.left() < share && (self.steadiness.is_noise() || outweighs_bursts())
     }
 
-    /// Whether most of the power of levels, or of the motion, is explained, and none is added to the held-out gap.
-    fn explains_levels_or_motion(&self) -> bool {
-        let Gap { before, after, .. } = self.gap;
-        let most = |[fitted, held_out]: [[f64; 2]; 2]| {
-            (0..2).any(|part| fitted[part] < NONE_OF_LOGS && held_out[part] < NONE_OF_LOGS)
-        };
-        after <= before && self.left_of_logs.is_some_and(most)
-    }
-
-    /// Square of the gap that lags may leave that were fitted to little, with nothing else wrong.
-    fn allowed(&self) -> f64 {
-        ERRORS * ERRORS * self.unsure
-    }
-
-    /// Share of the power of the held-out gap over the noise that is left.
+    /// The share of the power of the gap that is left, of what was fitted or of what was held out, the larger; of logs that of their levels, or
+    /// of their motion, where it is less and the gap is no wider.
     fn left(&self) -> f64 {
         let Gap { before, after, noise_floor } = self.gap.squared();
-        (after - noise_floor - self.allowed()).max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE)
-    }
-
-    fn outweighs_bursts(&self) -> bool {
-        let Gap { before, after, noise_floor } = self.gap.squared();
-        before - after > self.steadiness.spread.min(1.0) * noise_floor
+        let over = after - WIDE * WIDE * noise_floor - ERRORS * ERRORS * self.unsure;
+        let held_out = over.max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE);
+        let fitted = if self.is_all() { 0.0 } else { self.excess.1.over() / self.excess.0.over() };
+        let parts = self.left_of_logs.filter(|_| after <= before).into_iter();
+        let parts = parts.flat_map(|[fitted, held_out]| [0, 1].map(|part| fitted[part].max(held_out[part])));
+        parts.fold(fitted.max(held_out), f64::min)
     }
 }
 
@@ -147,12 +139,11 @@ mod tests {
 
     fn evidence() -> Evidence {
         Evidence {
-            found: true,
-            numbers_alone: false,
+            finding: Finding::Effects,
             excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
             gap: Gap { before: 0.3, after: 0.1, noise_floor: 0.1 },
             unsure: 0.0,
-            left_share: 1.0,
+            is_minor: false,
             is_rejected: false,
             steadiness: Steadiness::default(),
             is_timely: true,
@@ -163,7 +154,7 @@ mod tests {
     #[test]
     fn what_leaves_noise_is_the_whole_story() {
         assert_eq!(evidence().verdict(), Verdict::Named);
-        assert_eq!(Evidence { found: false, ..evidence() }.verdict(), Verdict::Agrees);
+        assert_eq!(Evidence { finding: Finding::Nothing, ..evidence() }.verdict(), Verdict::Agrees);
     }
 
     #[test]
@@ -172,7 +163,7 @@ mod tests {
             |sum: f64| Evidence { excess: (evidence().excess.0, Excess { sum, expected: 7000.0 }), ..evidence() };
         assert_eq!(left(9000.0).verdict(), Verdict::PartlyNamed);
         assert_eq!(left(40_000.0).verdict(), Verdict::Unknown);
-        assert_eq!(Evidence { found: false, ..left(9000.0) }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { finding: Finding::Nothing, ..left(9000.0) }.verdict(), Verdict::Unknown);
     }
 
     #[test]
@@ -185,7 +176,7 @@ mod tests {
 
     #[test]
     fn other_numbers_that_leave_more_than_noise_are_no_story() {
-        let alone = Evidence { numbers_alone: true, ..evidence() };
+        let alone = Evidence { finding: Finding::Numbers, ..evidence() };
         assert_eq!(alone.verdict(), Verdict::Named);
         let left = (evidence().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
         assert_eq!(Evidence { excess: left, ..alone }.verdict(), Verdict::Unknown);
@@ -198,8 +189,8 @@ mod tests {
 
     #[test]
     fn a_delay_that_wanders_has_no_name() {
-        for found in [false, true] {
-            assert_eq!(Evidence { is_timely: false, found, ..evidence() }.verdict(), Verdict::Unknown);
+        for finding in [Finding::Nothing, Finding::Numbers, Finding::Effects] {
+            assert_eq!(Evidence { is_timely: false, finding, ..evidence() }.verdict(), Verdict::Unknown);
         }
     }
 
@@ -207,7 +198,7 @@ mod tests {
     fn bursts_are_no_noise() {
         let steadiness = Steadiness { spread: 1.5, significance: 40.0 };
         assert_eq!(Evidence { steadiness, ..evidence() }.verdict(), Verdict::PartlyNamed);
-        assert_eq!(Evidence { steadiness, found: false, ..evidence() }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { steadiness, finding: Finding::Nothing, ..evidence() }.verdict(), Verdict::Unknown);
         let gap = Gap { before: 0.11, ..evidence().gap };
         assert_eq!(Evidence { steadiness, gap, ..evidence() }.verdict(), Verdict::Unknown);
         let small = Steadiness { spread: 0.05, significance: 40.0 };

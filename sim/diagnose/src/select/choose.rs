@@ -1,6 +1,6 @@
 //! Which set of kinds is named, and what would do as well in the place of each.
 
-use rotorlead_plant::effect::Site;
+use rotorlead_plant::effect::{Kind, Site};
 
 use super::auxiliary::auxiliary_gains;
 use super::beam::{Member, Pool, without};
@@ -19,7 +19,10 @@ impl Search<'_> {
     pub fn chosen(&self, pool: &Pool) -> Option<(Member, Vec<Found>)> {
         let near = self.near_the_best(pool)?;
         let (own, best) = near.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let chosen = self.as_delay(pool, best).unwrap_or(best);
+        let (own, chosen) = match self.as_delay(pool, best) {
+            Some(delay) => (own + delay.evidence - best.evidence, delay),
+            None => (own, best),
+        };
         let found = self.found(pool, (own, chosen), &near)?;
         Some((Member { fit: self.with_whole_steps(&chosen.fit), ..chosen.clone() }, found))
     }
@@ -34,12 +37,12 @@ impl Search<'_> {
                     && own - evidence < ALIKE
                     && rest.iter().all(|kind| other.kinds().contains(kind))
             };
-            let others = near.iter().filter(stands_in).flat_map(|near| near.1.kinds());
-            Some(Found {
-                kind: effect.kind,
-                score: self.worth(pool, chosen, place)?.lost,
-                alternatives: others.filter(|kind| !kinds.contains(kind)).collect(),
-            })
+            let others = near.iter().filter(stands_in).flat_map(|&(evidence, other)| {
+                let is_new = |kind: &&Kind| !kinds.contains(kind);
+                other.kinds().into_iter().filter(is_new).map(move |kind| (kind, (own - evidence).exp()))
+            });
+            let (alternatives, odds) = others.unzip();
+            Some(Found { kind: effect.kind, score: self.worth(pool, chosen, place)?.lost, alternatives, odds })
         };
         chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }

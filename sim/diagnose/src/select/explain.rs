@@ -24,6 +24,8 @@ pub(crate) struct Found {
     pub score: f64,
     /// Others that would do as well in its place.
     pub alternatives: Vec<&'static Kind>,
+    /// The odds of it against each of these.
+    pub odds: Vec<f64>,
 }
 
 /// What was found, with the fit of all of it.
