@@ -64,6 +64,7 @@ fn main() -> miette::Result<()> {
         ("effect: saturation", &[("saturation", &[("max", 0.54)][..])][..]),
         ("effect: slew limit", &[("slew_limit", &[("rate_per_s", 20.0)])]),
         ("effect: second pole", &[("second_pole", &[("time_constant_s", 0.003)])]),
+        ("effect: moving average", &[("moving_average", &[("window_s", 0.05)])]),
         (
             "effect: stand resonance",
             &[("stand_resonance", &[("participation", 0.5), ("frequency_hz", 30.0), ("damping", 0.05)])],

@@ -22,7 +22,7 @@ const LEAST_PIECE_S: f64 = 5e-5;
 /// A simulated actuator: command -> stages in order -> rotor -> stages in order.
 ///
 /// Physical order of the chain: clip, quantize, dead band, backlash, slew, frame hold, delay; supply, static map, rotor lag;
-/// inflow, stand, logger. What a model says nothing of is not there. Noise is added by whoever logs the response.
+/// inflow, stand, sensor, logger. What a model says nothing of is not there. Noise is added by whoever logs the response.
 ///
 /// A chain of linear links is exact: commands are straight in pieces, and so each piece has a closed form. Where the rotor
 /// itself is changed it is integrated, to about a millionth in a time constant.

@@ -41,6 +41,21 @@ impl Interval {
         let ends = self.start * (left * left * (1.0 + 2.0 * part)) + self.end * (part * part * (3.0 - 2.0 * part));
         ends + self.duration_s * part * left * (self.start_slope * left - self.end_slope * part)
     }
+
+    /// Its slope at a moment within.
+    fn slope_at(&self, moment_s: f64) -> f64 {
+        let part = (moment_s - self.from_s) / self.duration_s;
+        let left = 1.0 - part;
+        let ends = self.start_slope * (left * (left - 2.0 * part)) + self.end_slope * (part * (part - 2.0 * left));
+        ends + 6.0 * part * left * (self.end - self.start) / self.duration_s
+    }
+
+    /// A part of it, which is the same cubic.
+    pub(super) fn part(&self, from_s: f64, duration_s: f64) -> Self {
+        let until_s = from_s + duration_s;
+        let (start, end) = (self.at(from_s), self.at(until_s));
+        Self { from_s, duration_s, start, start_slope: self.slope_at(from_s), end, end_slope: self.slope_at(until_s) }
+    }
 }
 
 /// One link behind the rotor: it takes the response as it is and gives what the next link sees. Of a signal that is not a number, as a
@@ -214,6 +229,13 @@ mod tests {
         };
         for t in [0.2, 0.25, 0.4, 0.69, 0.7] {
             assert!((interval.at(t) - cubic(t)).abs() < 1e-14, "{t}");
+        }
+        let part = interval.part(0.3, 0.2);
+        for (is, expected) in [(part.start, cubic(0.3)), (part.end, cubic(0.5))] {
+            assert!((is - expected).abs() < 1e-14, "{part:?}");
+        }
+        for (is, expected) in [(part.start_slope, slope(0.3)), (part.end_slope, slope(0.5))] {
+            assert!((is - expected).abs() < 1e-13, "{part:?}");
         }
     }
 

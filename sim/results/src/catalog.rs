@@ -75,6 +75,7 @@ fn site(site: Site) -> &'static str {
         Site::Rotor => "rotor",
         Site::Air => "air",
         Site::Stand => "stand",
+        Site::Sensor => "sensor",
         Site::Logger => "logger",
     }
 }

@@ -145,10 +145,11 @@ fn what_stays_on_the_ground_is_not_compensated_and_is_said() {
     let on_stand = motor(&[
         ("stand_resonance", &[("participation", 0.3), ("frequency_hz", 8.0), ("damping", 0.03)]),
         ("gain_drift", &[("drift", -0.05), ("time_s", 20.0)]),
+        ("moving_average", &[("window_s", 0.05)]),
     ]);
     let (found, plain) = (redesigned(&on_stand, 0.05), redesigned(&motor(&[]), 0.05));
     assert_eq!(found.full.points, plain.full.points);
-    for word in ["stand's", "drifts by -5.0 %"] {
+    for word in ["stand's", "drifts by -5.0 %", "moving average"] {
         assert!(found.remarks.iter().any(|remark| remark.contains(word)), "{:?}", found.remarks);
     }
 }

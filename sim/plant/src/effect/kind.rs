@@ -75,7 +75,9 @@ pub enum Site {
     Air,
     /// What carries the sensor.
     Stand,
-    /// Sensor, filter and clock of the logger.
+    /// The sensor, which stays on the stand.
+    Sensor,
+    /// Filter and clock of the logger.
     Logger,
 }
 

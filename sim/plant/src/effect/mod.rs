@@ -42,6 +42,7 @@ kinds! {
     gain_drift
     inflow_lead
     stand_resonance
+    moving_average
     second_pole
     clock_skew
 }

@@ -285,6 +285,7 @@ fn the_plausible_ranges_hold_the_typical_numbers() {
         ("operating_point_lag", "exponent", 0.5, 1.5),
         ("quadratic_thrust", "curvature_per_duty", 1.0, 6.0),
         ("second_pole", "time_constant_s", 1e-4, 0.03),
+        ("moving_average", "window_s", 1e-3, 0.2),
         ("inflow_lead", "time_constant_s", 0.003, 0.015),
         ("inflow_lead", "lead_ratio", 1.3, 2.5),
         ("supply_sag", "polarization_drop", 0.05, 0.15),
@@ -349,6 +350,7 @@ fn a_neutral_shape_changes_no_digit_and_others_do() {
         "quadratic_thrust",
         "asymmetric_lag",
         "operating_point_lag",
+        "moving_average",
         "second_pole",
     ];
     assert_eq!(bent, of_families);
@@ -405,6 +407,8 @@ fn linear_effects_have_the_frequency_response_of_their_simulation() {
         (&transport_delay::KIND, vec![0.004_37]),
         (&second_pole::KIND, vec![0.007]),
         (&second_pole::KIND, vec![0.007, 0.4]),
+        (&moving_average::KIND, vec![0.013]),
+        (&moving_average::KIND, vec![0.013, 0.6]),
         (&inflow_lead::KIND, vec![2.1, 0.006]),
         (&stand_resonance::KIND, vec![0.8, 23.0, 0.05]),
         (&stand_resonance::KIND, vec![-0.5, 14.0, 0.03]),
@@ -588,6 +592,7 @@ fn the_response_is_smooth_in_parameters_that_move_events() {
         (&transport_delay::KIND, vec![0.004_1]),
         (&slew_limit::KIND, vec![0.9]),
         (&second_pole::KIND, vec![0.006]),
+        (&moving_average::KIND, vec![0.016_4]),
         (&inflow_lead::KIND, vec![1.7, 0.007]),
         (&supply_sag::KIND, vec![0.1, 0.7]),
         (&winding_heating::KIND, vec![0.02, 2.0]),
