@@ -186,8 +186,42 @@ impl Chain<'_> {
                 modes.iter_mut().fold(still, |sum, (part, mode)| sum + *part * mode.step(from, to))
             });
         }
+        let shape = &setup.shape;
+        for (window_s, recency) in [(setup.window_s, shape.recency), (shape.second_average * setup.window_s, 0.0)] {
+            if window_s > 0.0 {
+                force = average(&force, window_s, recency, self.step_s);
+            }
+        }
         force
     }
+}
+
+/// The mean over the last `window_s`, with weights that fall along a straight line, by `recency` more than 1 at the latest moment and by
+/// as much less at the earliest. By parts, the second integral has what the weights do to the first.
+fn average(signal: &[f64], window_s: f64, recency: f64, step_s: f64) -> Vec<f64> {
+    let Some(&rest) = signal.first() else { return Vec::new() };
+    let off: Vec<f64> = signal.iter().map(|value| value - rest).collect();
+    let once = integral(&off, step_s);
+    let twice = integral(&once, step_s);
+    let earlier =
+        |signal: &[f64]| read_at(signal, step_s, (0..signal.len()).map(|index| index as f64 * step_s - window_s));
+    let (once_earlier, twice_earlier) = (earlier(&once), earlier(&twice));
+    let mean = |index: usize| {
+        let plain = once[index] - once_earlier[index];
+        let late = twice[index] - twice_earlier[index] - window_s * once_earlier[index];
+        rest + ((1.0 + recency) * plain - 2.0 * recency / window_s * late) / window_s
+    };
+    (0..signal.len()).map(mean).collect()
+}
+
+/// The integral from the first grid point on of a signal that is straight between them.
+fn integral(signal: &[f64], step_s: f64) -> Vec<f64> {
+    let mut sum = 0.0;
+    let pairs = signal.windows(2).map(|pair| {
+        sum += 0.5 * step_s * (pair[0] + pair[1]);
+        sum
+    });
+    std::iter::once(0.0).chain(pairs).collect()
 }
 
 /// A lag's state after a step in which `keep` of it stays.
@@ -326,6 +360,8 @@ mod tests {
             Setup { drift_change: -0.1, drift_time_s: 10.0, ..Setup::default() },
             Setup { pole_s: 5e-3, lead_s: 0.02, lag_s: 0.01, ..Setup::default() },
             Setup { stand_hz: 40.0, stand_damping: 0.05, participation: 0.5, ..Setup::default() },
+            Setup { window_s: 0.0123, shape: Shape { recency: 0.2, ..Shape::default() }, ..Setup::default() },
+            Setup { window_s: 0.0123, shape: Shape { second_average: 0.2, ..Shape::default() }, ..Setup::default() },
             Setup { frame_hz: 173.0, slope_per_s: 3.0, delay_s: 2.3e-3, ..Setup::default() },
         ] {
             let at = |step_s: f64| {
@@ -355,6 +391,27 @@ mod tests {
         let inflow = response(&Setup { lead_s: 0.02, lag_s: 0.01, ..Setup::default() }, 5.0, 0.02);
         assert!((inflow.0 / plain.0 - f64::hypot(1.0, 0.02 * w) / f64::hypot(1.0, 0.01 * w)).abs() < 1e-4);
         assert!((inflow.1 - plain.1 - (0.02 * w).atan() + (0.01 * w).atan()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn an_average_has_the_transfer_function_of_its_weights() {
+        let (hz, window_s) = (5.0, 0.05);
+        let plain = response(&Setup::default(), hz, 0.02);
+        let sinc = |a: f64| a.sin() / a;
+        let half = 0.5 * TAU * hz * window_s;
+        let at = |shape: Shape| response(&Setup { window_s, shape, ..Setup::default() }, hz, 0.02);
+        let mean = at(Shape::default());
+        assert!((mean.0 / plain.0 - sinc(half)).abs() < 1e-3 && (mean.1 - plain.1 + half).abs() < 1e-3);
+        let twice = at(Shape { second_average: 0.4, ..Shape::default() });
+        assert!((twice.0 / plain.0 - sinc(half) * sinc(0.4 * half)).abs() < 1e-3);
+        assert!((twice.1 - plain.1 + 1.4 * half).abs() < 1e-3);
+        // Around the middle of the window the weights 1 + r x, x from -1 to 1, have the imaginary part r (sin a - a cos a) / a^2.
+        let recent = at(Shape { recency: 0.3, ..Shape::default() });
+        let expected = Complex::new(sinc(half), 0.3 * (half.sin() - half * half.cos()) / (half * half));
+        assert!((recent.0 / plain.0 - expected.norm()).abs() < 1e-3, "{} {}", recent.0 / plain.0, expected.norm());
+        assert!((recent.1 - plain.1 + half - expected.arg()).abs() < 1e-3);
+        // A window that a sine fits into whole leaves nothing of it.
+        assert!(response(&Setup { window_s: 1.0 / hz, ..Setup::default() }, hz, 0.02).0 < 1e-3 * plain.0);
     }
 
     #[test]

@@ -40,12 +40,14 @@ pub enum Kind {
     StandResonance,
     /// The logger's clock runs at another rate.
     ClockSkew,
+    /// The sensor averages.
+    MovingAverage,
 }
 
 use Kind::{
     AsymmetricLag, Backlash, ClockSkew, CommandQuantization, DeadBand, EscFrameHold, GainDrift, InflowLead,
-    OperatingPointLag, ParameterError, QuadraticThrust, Saturation, SecondPole, SlewLimit, StandResonance, SupplySag,
-    TransportDelay,
+    MovingAverage, OperatingPointLag, ParameterError, QuadraticThrust, Saturation, SecondPole, SlewLimit,
+    StandResonance, SupplySag, TransportDelay,
 };
 
 /// How a parameter is drawn and searched.
@@ -89,8 +91,8 @@ const fn unsigned(mut parameter: Parameter) -> Parameter {
 }
 
 impl Kind {
-    /// Every kind, in the order of the catalog.
-    pub const ALL: [Self; 17] = [
+    /// Every kind. The number of one is part of its seeds: a new one comes last.
+    pub const ALL: [Self; 18] = [
         ParameterError,
         TransportDelay,
         EscFrameHold,
@@ -108,6 +110,7 @@ impl Kind {
         GainDrift,
         StandResonance,
         ClockSkew,
+        MovingAverage,
     ];
 
     /// Its identifier in files and JSON.
@@ -131,6 +134,7 @@ impl Kind {
             GainDrift => "gain_drift",
             StandResonance => "stand_resonance",
             ClockSkew => "clock_skew",
+            MovingAverage => "moving_average",
         }
     }
 
@@ -177,6 +181,8 @@ impl Kind {
                 }
             }
             ClockSkew => const { &[unsigned(Parameter::log("skew_ppm", 10.0, 2000.0))] },
+            // From telemetry that takes the mean of two rows to a scale that takes that of many.
+            MovingAverage => const { &[Parameter::log("window_s", 2e-3, 0.2)] },
         }
     }
 
@@ -206,7 +212,7 @@ impl Kind {
     pub fn confused_with(self) -> &'static [Self] {
         match self {
             ParameterError => &[],
-            TransportDelay => &[EscFrameHold, SecondPole, SlewLimit, ClockSkew],
+            TransportDelay => &[EscFrameHold, SecondPole, SlewLimit, ClockSkew, MovingAverage],
             EscFrameHold => &[TransportDelay, SecondPole, SlewLimit],
             DeadBand => &[Backlash, CommandQuantization, TransportDelay],
             Backlash => &[DeadBand, CommandQuantization, TransportDelay, SecondPole],
@@ -216,12 +222,13 @@ impl Kind {
             AsymmetricLag => &[OperatingPointLag, QuadraticThrust],
             OperatingPointLag => &[AsymmetricLag, QuadraticThrust],
             QuadraticThrust => &[OperatingPointLag, AsymmetricLag, SupplySag],
-            SecondPole => &[TransportDelay, EscFrameHold, SlewLimit, InflowLead],
+            SecondPole => &[TransportDelay, EscFrameHold, SlewLimit, InflowLead, MovingAverage],
             InflowLead => &[SupplySag, SecondPole, StandResonance],
             SupplySag => &[GainDrift, InflowLead, OperatingPointLag],
             GainDrift => &[SupplySag, InflowLead],
             StandResonance => &[InflowLead, SecondPole],
             ClockSkew => &[TransportDelay, GainDrift],
+            MovingAverage => &[TransportDelay, SecondPole, EscFrameHold],
         }
     }
 }

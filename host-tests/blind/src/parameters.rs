@@ -58,7 +58,9 @@ pub(super) fn kind_starts(kind: Kind) -> Vec<Effect> {
         }
         Kind::DeadBand | Kind::Backlash => (0..6).map(|index| of(&[f64::from(index) / 5.0 - 0.3])).collect(),
         Kind::SlewLimit => (0..6).map(|index| of(&[f64::from(index) / 5.0])).collect(),
-        Kind::TransportDelay | Kind::SecondPole => [0.2, 0.5, 0.8].map(|part| of(&[part])).to_vec(),
+        Kind::TransportDelay | Kind::SecondPole | Kind::MovingAverage => {
+            [0.2, 0.5, 0.8].map(|part| of(&[part])).to_vec()
+        }
         Kind::AsymmetricLag => vec![with(&[1.05]), with(&[1.5])],
         Kind::OperatingPointLag | Kind::QuadraticThrust => vec![with(&[0.1]), of(&[0.5])],
         Kind::InflowLead => vec![with(&[1.6, 5e-3]), with(&[2.0, 10e-3]), with(&[0.75, 8e-3])],

@@ -21,7 +21,7 @@ of these:
 - two effects, all pairs of kinds equally likely, or three (`pair`, `triple`);
 - one effect whose law is a little other than the catalog's (`perturbed`): several plays in parallel, a knee or a growing width of a
   dead band, a delay or frames that jitter, uneven steps of a quantizer, a second mode of the stand, an inflow that is faster at higher
-  speed, a clock that drifts, a soft clip, and others: one or two for every kind but wrong numbers;
+  speed, a clock that drifts, a soft clip, an average of averages, and others: one or two for every kind but wrong numbers;
 - something that no catalog names (`outside`);
 - nothing but one or two nuisances of the stand (`nuisance`), which are no effects: hum of the mains with harmonics, blades that pass
   an arm, a load cell that warms up, gusts, missing rows, stamps that jitter; or one effect beside those of them that are forces

@@ -48,6 +48,8 @@ pub struct Setup {
     pub stand_damping: f64,
     /// How much of the thrust goes through the mode.
     pub participation: f64,
+    /// Over how long the sensor averages, in seconds; 0 for not at all.
+    pub window_s: f64,
     /// How much longer the logger's second is, in parts per million.
     pub skew_ppm: f64,
     /// By what the laws of all this are bent.
@@ -78,6 +80,7 @@ impl Default for Setup {
             stand_hz: 0.0,
             stand_damping: 1.0,
             participation: 0.0,
+            window_s: 0.0,
             skew_ppm: 0.0,
             shape: Shape::default(),
         }
@@ -114,6 +117,7 @@ impl Setup {
                     (setup.stand_hz, setup.stand_damping, setup.participation) = (value(0), value(1), value(2));
                 }
                 Kind::ClockSkew => setup.skew_ppm = value(0),
+                Kind::MovingAverage => setup.window_s = value(0),
             }
         }
         setup
@@ -145,6 +149,7 @@ impl Setup {
             && self.lead_s == self.lag_s
             && self.pole_s == 0.0
             && self.participation == 0.0
+            && self.window_s == 0.0
             && self.skew_ppm == 0.0
     }
 

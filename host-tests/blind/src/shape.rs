@@ -50,16 +50,21 @@ pub enum Law {
     InflowOfSpeed,
     /// A clock whose rate moves.
     DriftingClock,
+    /// An average of averages: an amplifier's own, and one of its readings.
+    AveragedTwice,
+    /// An average in which what is recent counts for more.
+    RecentFirst,
 }
 
 use Law::{
-    BandKnee, Compliance, CubicThrust, DelayJitter, DriftingClock, FrameJitter, GrowingBand, InflowOfSpeed, LinearLag,
-    RampDrift, SagByCommand, SecondMode, SeveralPlays, SlowerDown, SoftClip, ThirdLag, UnevenSteps, UnevennessOfWay,
+    AveragedTwice, BandKnee, Compliance, CubicThrust, DelayJitter, DriftingClock, FrameJitter, GrowingBand,
+    InflowOfSpeed, LinearLag, RampDrift, RecentFirst, SagByCommand, SecondMode, SeveralPlays, SlowerDown, SoftClip,
+    ThirdLag, UnevenSteps, UnevennessOfWay,
 };
 
 impl Law {
     /// Every law with its name in the truth and the kind whose law it replaces; every kind has one, but wrong numbers, which are no law.
-    pub const TABLE: [(Self, &'static str, Kind); 18] = [
+    pub const TABLE: [(Self, &'static str, Kind); 20] = [
         (SlowerDown, "slower_down", Kind::SlewLimit),
         (SoftClip, "soft_clip", Kind::Saturation),
         (ThirdLag, "third_lag", Kind::SecondPole),
@@ -78,6 +83,8 @@ impl Law {
         (FrameJitter, "frame_jitter", Kind::EscFrameHold),
         (InflowOfSpeed, "inflow_of_speed", Kind::InflowLead),
         (DriftingClock, "drifting_clock", Kind::ClockSkew),
+        (AveragedTwice, "averaged_twice", Kind::MovingAverage),
+        (RecentFirst, "recent_first", Kind::MovingAverage),
     ];
 
     /// Every law.
@@ -126,6 +133,8 @@ impl Law {
             FrameJitter => Shape { frame_jitter: bent, seed: rng.random(), ..none },
             InflowOfSpeed => Shape { inflow_of_speed: true, ..none },
             DriftingClock => Shape { clock_drift: bent, ..none },
+            AveragedTwice => Shape { second_average: bent, ..none },
+            RecentFirst => Shape { recency: bent, ..none },
         }
     }
 
@@ -146,6 +155,7 @@ impl Law {
                 Kind::EscFrameHold => value < 250.0,
                 Kind::StandResonance => effect.values[2] > 0.3,
                 Kind::ClockSkew => value.abs() > 300.0,
+                Kind::MovingAverage => value > 0.01,
                 _ => true,
             };
             if shows {
@@ -196,6 +206,10 @@ pub struct Shape {
     pub inflow_of_speed: bool,
     /// The part by which a clock's error is smaller when a record begins and larger when it ends than in the mean.
     pub clock_drift: f64,
+    /// The part of an average's window over which it is averaged again.
+    pub second_average: f64,
+    /// The part by which the latest moment of an average counts for more, and its earliest for less.
+    pub recency: f64,
     /// What scatters delays, levels and frames.
     pub seed: u64,
 }
