@@ -23,6 +23,7 @@ fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
     for (kind, parameters) in [
         ("transport_delay", &[("delay_s", 0.02)][..]),
         ("second_pole", &[("time_constant_s", 0.015)]),
+        ("moving_average", &[("window_s", 0.03)]),
         ("saturation", &[("max", 0.62)]),
         ("backlash", &[("half_width", 0.008)]),
         ("gain_drift", &[("drift", -0.06), ("time_s", 20.0)]),

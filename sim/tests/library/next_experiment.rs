@@ -119,9 +119,10 @@ fn of_two_likes_the_proposed_experiment_names_the_right_one() {
     let inflow = [("lead_ratio", 1.5), ("time_constant_s", 0.012)];
     let wrong = [("gain_error", 0.1), ("time_constant_error", -0.15)];
     type Hidden<'a> = (&'a str, &'a [(&'a str, f64)], &'a [&'a str]);
-    let pairs: [Hidden; 13] = [
+    let pairs: [Hidden; 14] = [
         ("transport_delay", &[("delay_s", 0.004)], &["esc_frame_hold", "second_pole"]),
         ("second_pole", &[("time_constant_s", 0.01)], &["transport_delay"]),
+        ("moving_average", &[("window_s", 0.02)], &["transport_delay", "second_pole"]),
         ("dead_band", &[("width", 0.0063)], &["backlash"]),
         ("command_quantization", &[("step", 0.0071)], &["dead_band"]),
         ("backlash", &[("half_width", 0.0032)], &["dead_band"]),
