@@ -33,22 +33,22 @@ pub fn diagnose<'py>(
     let model = model.map(|model| Ok::<_, PyErr>(model.model()?.0)).transpose()?;
     [&out_model, &out_plan].into_iter().flatten().try_for_each(|out| read(check_writable(out)))?;
     let records = Records::of(&data, None)?;
-    let (found, improved, next) = interrupt::run(py, move || {
+    let (found, next) = interrupt::run(py, move || {
         let nothing = format!("nothing was diagnosed from `{}`", records.name());
         let experiment = records.read_with_esc_commands()?;
         let catalog = Catalog::standard();
         let options = Options { model: model.as_ref(), catalog: &catalog, progress: &|| () };
-        let found = find(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
-        let improved = diagnosed_model(&experiment, model.as_ref(), &found);
-        out_model.map_or(Ok(()), |out| improved.write(&out))?;
+        let mut found = find(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
+        found.model = diagnosed_model(&experiment, model.as_ref(), &found);
+        out_model.map_or(Ok(()), |out| found.model.write(&out))?;
         let next = found.next_experiment();
         if let (Some(next), Some(out)) = (&next, out_plan) {
             write_file(&out, next.file().into_diagnostic()?.as_bytes())?;
         }
-        Ok((found, improved, next))
+        Ok((found, next))
     })?;
     let dict = to_dict(py, &diagnosis_answer(&found).json())?;
-    dict.set_item("model", to_dict(py, &improved)?)?;
+    dict.set_item("model", to_dict(py, &found.model)?)?;
     dict.set_item("plan", next.map(|next| to_dict(py, &next.plan)).transpose()?)?;
     Ok(dict)
 }

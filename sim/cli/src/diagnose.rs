@@ -73,9 +73,7 @@ impl Diagnose {
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("nothing was diagnosed from `{}`", folder.display()))?;
         bar.finish_and_clear();
-        if self.out_model.is_some() || self.redesign.is_asked() {
-            found.model = diagnosed_model(&experiment, model.as_ref(), &found);
-        }
+        found.model = diagnosed_model(&experiment, model.as_ref(), &found);
         let mut answer = diagnosis_answer(&found);
         let (mut written, mut sections) = (String::new(), vec![answer.section()]);
         if let Some(out) = &self.out_model {

@@ -43,11 +43,6 @@ pub struct Redesigned {
 }
 
 impl RedesignArguments {
-    /// Whether there is something to design.
-    pub fn is_asked(&self) -> bool {
-        self.redesign
-    }
-
     /// Refuses options that need `--redesign` without it, and files that cannot be written.
     pub fn check(&self) -> miette::Result<()> {
         if self.parameters.is_given() && !self.redesign {

@@ -17,24 +17,35 @@ use crate::estimate;
 use crate::figures::diagnosis::diagnosis_figures;
 use crate::number::parameter_with_std;
 use crate::object;
+use crate::recommendation::judged_verdict;
 use crate::unit::unit;
 
 /// What `score` is.
 const SCORE: &str = "score: what it gains, less what the search gains by chance";
 
-/// What is missing in a model, by how much that shrinks the gap, and the experiment that would say more.
+/// What is missing in a model, by how much that shrinks the gap, and the experiment that would say more; with whether a compensator may be
+/// built on it where that was judged ([`diagnosed_model`]).
 #[must_use]
 pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
     let next = found.next_experiment().map(|next| next.words);
     let mut values = object(found);
     values.insert("next_experiment".to_owned(), json!(next));
     values.insert("effects".to_owned(), found.effects.iter().map(effect_values).collect());
+    let judged = found.model.judgement();
+    if let Some(judgement) = judged {
+        values.insert("judgement".to_owned(), json!(judgement));
+    }
+    let judged = judged.map(|judgement| {
+        let Said { headline, sentences, .. } = judged_verdict(judgement);
+        std::iter::once(headline).chain(sentences.into_iter().take(1)).collect::<Vec<_>>().join(" ")
+    });
+    let next_words = next.map(|words| format!("Next: {words}"));
     let verdict = Said::new(diagnosis_tone(found.verdict), headline(found));
     Answer {
         name: "diagnosis",
         title: "Diagnosis",
         text: text(found),
-        verdict: verdict.with(next.map(|words| format!("Next: {words}")).into_iter().collect()),
+        verdict: verdict.with(judged.into_iter().chain(next_words).collect()),
         tables: tables(found),
         figures: diagnosis_figures(found),
         values,
