@@ -8,8 +8,8 @@ use rotorlead_records::Experiment;
 
 use crate::assess::conditions::Conditions;
 use crate::assess::lateness::Lateness;
-use crate::assess::minor::{self, MINOR, MinorEffect};
-use crate::assess::verdict::{self, Evidence, Finding, Verdict};
+use crate::assess::minor::{self, MinorEffect};
+use crate::assess::verdict::{Evidence, Finding, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
 use crate::data::dataset::{Dataset, Record, Split};
@@ -20,6 +20,7 @@ use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::candidate;
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
+use crate::policy::POLICY;
 use crate::select::decision::Decision;
 use crate::select::explain::{Explanation, Found, Search};
 use crate::select::prior_model::{self, ParameterMismatch};
@@ -122,7 +123,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         steadiness,
         is_timely: timing.is_steady(),
         // The share that is left of a log is not that of noise.
-        is_minor: !data.has_logs() && likelihood.excess_share(&after.hypothesis, Split::Train) < MINOR,
+        is_minor: !data.has_logs() && likelihood.excess_share(&after.hypothesis, Split::Train) < POLICY.minor,
         is_rejected: found.is_empty() && rejected(likelihood, &before, &tried, &mut minor),
         left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
     };
@@ -214,6 +215,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         excess: (excess_before, excess_after),
         steadiness,
         timing,
+        policy: POLICY,
     })
 }
 
@@ -240,7 +242,7 @@ fn without_minor(
         let mut shares: Vec<_> = (0..found.len()).filter_map(of_effect).collect();
         shares.sort_by(|a, b| b.0.total_cmp(&a.0));
         let Some((share, effect, without)) = shares.pop() else { break };
-        if share >= MINOR {
+        if share >= POLICY.minor {
             break;
         }
         let Found { kind, score: evidence, .. } = found.remove(effect);
@@ -264,7 +266,7 @@ fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: 
         share: minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis),
     };
     let scored: Vec<MinorEffect> = tried.iter().filter(|tried| tried.scores_enough()).map(of_tried).collect();
-    let is_rejected = scored.iter().any(|one| one.share >= MINOR);
+    let is_rejected = scored.iter().any(|one| one.share >= POLICY.minor);
     minor.extend(scored.first().copied().filter(|_| !is_rejected));
     is_rejected
 }
@@ -283,7 +285,7 @@ fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2
              {:.0} % of either accepted",
             100.0 * levels,
             100.0 * motion,
-            100.0 * verdict::NONE_OF_LOGS
+            100.0 * POLICY.most_left_of_logs
         )];
     }
     decisions
@@ -443,7 +445,7 @@ mod tests {
         let skewed = found(SKEWED);
         assert_eq!((skewed.verdict, skewed.effects.len(), skewed.minor.len()), (Verdict::Agrees, 0, 1), "{skewed:?}");
         let MinorEffect { kind, evidence, share } = skewed.minor[0];
-        assert!(kind.id == "clock_skew" && evidence > 7.0 && share < MINOR, "{:?}", skewed.minor);
+        assert!(kind.id == "clock_skew" && evidence > 7.0 && share < POLICY.minor, "{:?}", skewed.minor);
         assert!(skewed.model.effects.is_empty());
     }
 
@@ -455,7 +457,7 @@ mod tests {
         let Explanation { before, tried, .. } = search.explain(&Hypothesis::of_lags(base)).unwrap();
         let rejected = |minor: &mut Vec<MinorEffect>| rejected(&search.likelihood, &before, &tried, minor);
         assert!(rejected(&mut Vec::new()));
-        let found = MinorEffect { kind: tried[0].kind, evidence: 50.0, share: 0.5 * MINOR };
+        let found = MinorEffect { kind: tried[0].kind, evidence: 50.0, share: 0.5 * POLICY.minor };
         let mut minor = vec![found];
         assert!(!rejected(&mut minor));
         assert_eq!(minor, [found]);

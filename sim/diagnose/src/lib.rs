@@ -2,7 +2,7 @@
 //!
 //! One way up, a folder each: `noise` (spectra, errors), `data` (records, which do not change), `model` (hypotheses and their response),
 //! `likelihood` (white residuals by weights that are values: where only noise is left, their sum of squares is a chi-square), `estimate`
-//! (fits and what they predict), `propose` (where searches begin), `assess` (what is left, and what matters), `select` (which effects
+//! (fits and what they predict), `propose` (where searches begin), `policy` (for how much a name is given), `assess` (what is left, and what matters), `select` (which effects
 //! the records ask for), `diagnose` and `plan` (the answer, and the experiment that would say more).
 
 mod assess;
@@ -15,6 +15,7 @@ mod model;
 mod noise;
 mod outcome;
 mod plan;
+mod policy;
 mod propose;
 mod select;
 #[cfg(test)]
@@ -38,5 +39,6 @@ pub use error::DiagnoseError;
 pub use likelihood::excess::Excess;
 pub use outcome::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, by_name};
 pub use plan::NextExperiment;
+pub use policy::Policy;
 pub use select::decision::Decision;
 pub use select::weak_evidence::WeakEvidence;

@@ -18,6 +18,7 @@ use crate::data::columns::Column;
 use crate::data::dataset::LeftOut;
 use crate::data::plateaus::cut::CutRows;
 use crate::likelihood::excess::Excess;
+use crate::policy::Policy;
 use crate::select::decision::Decision;
 use crate::select::weak_evidence::WeakEvidence;
 
@@ -136,6 +137,8 @@ pub struct Diagnosis {
     pub steadiness: Steadiness,
     /// Whether the delay is the same at every step.
     pub timing: Timing,
+    /// The criteria by which all this is said.
+    pub policy: Policy,
     /// The improved model.
     #[serde(skip)]
     pub model: Model,

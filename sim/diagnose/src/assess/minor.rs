@@ -11,9 +11,6 @@ use crate::data::dataset::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
-/// RMS over that of the noise below which a change of the prediction does not matter.
-pub(crate) const MINOR: f64 = 0.1;
-
 /// An effect that is significant and does not matter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MinorEffect {

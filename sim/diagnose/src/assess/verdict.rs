@@ -3,18 +3,9 @@
 use crate::assess::gap::Gap;
 use crate::assess::steadiness::Steadiness;
 use crate::likelihood::excess::Excess;
+use crate::policy::POLICY;
 use serde::Serialize;
 
-/// Where more than noise is left, effects that leave more than this share of the power of the gap are no story at all, be it on what
-/// was fitted or on what was held out.
-const NONE: f64 = 0.1;
-/// The same where nothing but noise is left of what was fitted: what was held out may be known worse.
-const HALF: f64 = 0.5;
-/// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name, and
-/// effects explain them from where they explain more of the power of the gap than they leave; or more of the power of what is left of
-/// the motion, or of the levels, on which an effect acts. What keeps wrong names out is
-/// their worth; `how_often_something_is_named_where_levels_are_off` counts them.
-pub(crate) const NONE_OF_LOGS: f64 = 0.5;
 /// A gap that is no wider than this times the noise floor is noise, whose estimate is off.
 const WIDE: f64 = 1.1;
 /// Standard errors by which the lags may be off.
@@ -104,9 +95,9 @@ impl Evidence {
     /// Whether what was found leaves no more of the gap than its share, and takes away more than what bursts of noise may be off by.
     fn explains(&self) -> bool {
         let share = match self.left_of_logs {
-            _ if self.is_all() => HALF,
-            Some(_) => NONE_OF_LOGS,
-            None => NONE,
+            _ if self.is_all() => POLICY.most_left_of_held_out,
+            Some(_) => POLICY.most_left_of_logs,
+            None => POLICY.most_left,
         };
         let Gap { before, after, noise_floor } = self.gap.squared();
         let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;

@@ -13,11 +13,17 @@ use crate::estimate::fit::{Fit, fit, fit_behind, fit_in};
 use crate::estimate::profile::profile_non_smooth;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
+use crate::policy::{MOST_EFFECTS, POLICY};
 use crate::select::explain::{Explanation, Search};
-use crate::select::policy::{ALIKE, HOPELESS, HOPELESS_IN_LOGS, LEAST_SCORE, MOST_EFFECTS, PART_OF_BEST};
 use crate::select::screen::Screened;
 use crate::select::weak_evidence::{self, WeakEvidence};
 
+/// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for.
+const HOPELESS: f64 = 0.15;
+/// The same where periods do not repeat: levels are off for more reasons than have a name.
+const HOPELESS_IN_LOGS: f64 = 0.5;
+/// What scores less than this part of the best is not followed.
+const PART_OF_BEST: f64 = 0.2;
 /// Members of a size that go on to the next, from none on.
 const WIDTHS: [usize; MOST_EFFECTS] = [1, 4, 2];
 /// Steps of a first joint fit, and those of one that goes on.
@@ -26,7 +32,7 @@ const NEXT: usize = 12;
 /// What a fit that goes on has to catch up with at least, in log evidence: less makes no difference.
 const CATCH_UP: f64 = 3.0;
 /// What is behind by more than this does not catch up by a better fit.
-const APART: f64 = 3.0 * ALIKE;
+const APART: f64 = 3.0 * POLICY.alike;
 /// Members that are fitted again when the noise changes.
 const KEPT: usize = 10;
 /// Noise that changes the chi-square of the best by no more than this part is the same.
@@ -169,7 +175,7 @@ impl Search<'_> {
             // Where one more name gains, a law that bends may gain as much; where nothing is left, it is asked no sooner.
             let gains = |pool: &Pool| {
                 let [top, before] = [size, size - 1].map(|size| pool.of_size(size).next());
-                top.zip(before).is_some_and(|(top, before)| top.evidence - before.evidence >= LEAST_SCORE)
+                top.zip(before).is_some_and(|(top, before)| top.evidence - before.evidence >= POLICY.least_score)
             };
             if !is_bent && gains(&pool) {
                 self.bend(&mut pool, size - 1);

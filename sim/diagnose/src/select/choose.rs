@@ -7,9 +7,9 @@ use super::beam::{Member, Pool, without};
 use crate::estimate::fit::{Fit, fit};
 use crate::estimate::profile::MOVES;
 use crate::model::candidate::Candidate;
+use crate::policy::POLICY;
 use crate::propose;
 use crate::select::explain::{Found, Search};
-use crate::select::policy::{ALIKE, LEAST_SCORE};
 
 /// A member with its evidence, less what its names cost.
 type Weighed<'a> = (f64, &'a Member);
@@ -34,7 +34,7 @@ impl Search<'_> {
             let rest = without(&kinds, effect.kind);
             let stands_in = |(evidence, other): &&Weighed| {
                 other.size() == chosen.size()
-                    && own - evidence < ALIKE
+                    && own - evidence < POLICY.alike
                     && rest.iter().all(|kind| other.kinds().contains(kind))
             };
             let others = near.iter().filter(stands_in).flat_map(|&(evidence, other)| {
@@ -57,7 +57,7 @@ impl Search<'_> {
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut near: Vec<Weighed> = Vec::new();
         for (score, one) in all {
-            if near.first().is_some_and(|best| score < best.0 - LEAST_SCORE) {
+            if near.first().is_some_and(|best| score < best.0 - POLICY.least_score) {
                 break;
             }
             if may_be(&one) && self.is_borne_out(pool, one) {
@@ -70,7 +70,7 @@ impl Search<'_> {
             one.0 += gain;
         }
         let best = near.iter().map(|one| one.0).fold(f64::NEG_INFINITY, f64::max);
-        near.retain(|one| one.0 >= best - LEAST_SCORE);
+        near.retain(|one| one.0 >= best - POLICY.least_score);
         Some(near)
     }
 
@@ -81,7 +81,7 @@ impl Search<'_> {
         let mut same = without(&chosen.kinds(), hold);
         same.push(delay);
         same.sort_by_key(|kind| kind.id);
-        pool.of(&same).filter(|same| chosen.evidence - same.evidence < ALIKE)
+        pool.of(&same).filter(|same| chosen.evidence - same.evidence < POLICY.alike)
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on

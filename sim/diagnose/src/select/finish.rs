@@ -8,10 +8,10 @@ use crate::estimate::fit::{Fit, fit, fit_in};
 use crate::estimate::frame_rate;
 use crate::likelihood::hold_delay;
 use crate::model::candidate::Candidate;
+use crate::policy::POLICY;
 use crate::propose::frames;
 use crate::propose::scan::Scan;
 use crate::select::explain::Search;
-use crate::select::policy::ALIKE;
 use crate::select::screen::Look;
 
 /// Members of a size that are fitted to the end, and of one kind that are bent.
@@ -31,7 +31,7 @@ impl Search<'_> {
     /// Fits the best members of a size to the end.
     pub fn finish(&self, pool: &mut Pool, size: usize) {
         let Some(best) = pool.of_size(size).next() else { return };
-        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < ALIKE);
+        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < POLICY.alike);
         let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
         let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
         finished.into_iter().for_each(|member| pool.replace(member));

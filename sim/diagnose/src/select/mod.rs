@@ -8,7 +8,6 @@ mod evidence;
 pub(crate) mod explain;
 mod finish;
 pub(crate) mod folds;
-pub(crate) mod policy;
 pub(crate) mod prior_model;
 pub(crate) mod screen;
 pub(crate) mod starts;

@@ -6,8 +6,12 @@ use crate::data::dataset::{Dataset, Split};
 use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
+use crate::policy::POLICY;
 use crate::select::explain::{Explanation, Search};
-use crate::select::policy::{IMPROVED, LEAST_ERROR_BESIDE, LEAST_SCORE_OF_NUMBERS};
+
+/// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
+/// alone exceeds it once in 100 times.
+const IMPROVED: f64 = 9.2;
 
 /// That the numbers of a given model are wrong.
 pub(crate) struct ParameterMismatch {
@@ -61,7 +65,7 @@ fn beside_given(search: &mut Search, untouched: &Dataset, given: &Fit, refitted:
     let half_of =
         |likelihood: &Likelihood, hypothesis: &Hypothesis, split| Some(0.5 * likelihood.chi_square(hypothesis, split)?);
     let held_out = |fit: &Fit| half_of(&search.likelihood, &fit.hypothesis, Split::Holdout);
-    if search.likelihood.data.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_SCORE_OF_NUMBERS {
+    if search.likelihood.data.has_logs() || held_out(refitted)? - held_out(given)? < POLICY.least_score_of_numbers {
         return None;
     }
     let mut beside = Search::prepared(untouched, &given.hypothesis, (search.catalog, search.progress), false)?;
@@ -70,7 +74,7 @@ fn beside_given(search: &mut Search, untouched: &Dataset, given: &Fit, refitted:
         let parts = [Split::Train, Split::Holdout].map(|split| half_of(&beside.likelihood, hypothesis, split));
         Some(parts[0]? + parts[1]?)
     };
-    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= LEAST_SCORE_OF_NUMBERS;
+    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= POLICY.least_score_of_numbers;
     is_better.then(|| {
         search.likelihood = beside.likelihood;
         other
@@ -111,7 +115,8 @@ fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<Para
     // What is not known cannot be wrong.
     let error = |estimate: &Estimate| if estimate.excludes(0.0) { estimate.value.abs() } else { 0.0 };
     let largest = error(&gain).max(error(&time_constant));
-    let is_wrong = score > LEAST_SCORE_OF_NUMBERS && largest > if beside { LEAST_ERROR_BESIDE } else { 0.0 };
+    let is_wrong =
+        score > POLICY.least_score_of_numbers && largest > if beside { POLICY.least_error_beside } else { 0.0 };
     is_wrong.then(|| ParameterMismatch {
         evidence: score,
         parameters: [gain, time_constant],

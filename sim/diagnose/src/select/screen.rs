@@ -10,11 +10,18 @@ use crate::estimate::score_test::ScoreTest;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
+use crate::policy::POLICY;
 use crate::propose::scan::Scan;
 use crate::propose::{self, collapsed};
 use crate::select::explain::Search;
-use crate::select::policy::{LEAST_SCORE, MOST_FINISHED, MOST_FITTED, MOST_STARTS, PROMISED};
 
+/// Share of the least score that the screening has to promise.
+const PROMISED: f64 = 0.7;
+/// Kinds that are fitted after the screening, and starts of each.
+const MOST_FITTED: usize = 7;
+const MOST_STARTS: usize = 2;
+/// Kinds that are followed in any case.
+const MOST_FINISHED: usize = 3;
 /// Starts of a kind that are looked at on all records.
 const MOST_LOOKED_AT_AGAIN: usize = 3;
 /// How often the screening halves the distance to the neighbors of the best start.
@@ -224,7 +231,7 @@ fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<Hypoth
         let is_behind =
             is_new && (kinds.len() >= MOST_FITTED || kinds.len() >= MOST_FINISHED && gain < part_of_best * best);
         // What promises much less than has to be there is not searched.
-        if gain < 2.0 * PROMISED * LEAST_SCORE || is_behind {
+        if gain < 2.0 * PROMISED * POLICY.least_score || is_behind {
             continue;
         }
         let of_kind = chosen.iter().filter(|(_, other)| other == kind).filter_map(|(other, _)| other.effects.last());

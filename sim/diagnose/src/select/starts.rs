@@ -22,8 +22,8 @@ use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::excess::Excess;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
+use crate::policy::POLICY;
 use crate::select::explain::{Found, Search};
-use crate::select::policy::LEAST_SCORE;
 
 /// Scatters that are tried, in parts of the swing: from well below what is ever seen to a begin anywhere, so many to a decade.
 const LEAST_SCATTER: f64 = 1e-4;
@@ -88,7 +88,7 @@ impl Search<'_> {
         let of_begins = 0.5 * (deviance(&off_before) - deviance(&off_after));
         let score = free(&after.fit.hypothesis)? - free(&before.hypothesis)? + of_begins;
         found.iter_mut().for_each(|found| found.score = found.score.min(score));
-        (score >= LEAST_SCORE).then_some((after, found))
+        (score >= POLICY.least_score).then_some((after, found))
     }
 }
 

@@ -5,8 +5,8 @@ use rotorlead_plant::effect::Kind;
 use super::beam::Pool;
 use crate::estimate::fit::Fit;
 use crate::model::candidate::AT_MOST_OFF;
+use crate::policy::POLICY;
 use crate::select::explain::Search;
-use crate::select::policy::LEAST_SCORE;
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ impl Tried {
 
     /// Whether its score is high enough.
     pub fn scores_enough(&self) -> bool {
-        self.score >= LEAST_SCORE
+        self.score >= POLICY.least_score
     }
 }
 

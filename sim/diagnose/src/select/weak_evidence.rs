@@ -11,8 +11,8 @@ use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::Fit;
 use crate::model::candidate::Candidate;
+use crate::policy::POLICY;
 use crate::propose;
-use crate::select::policy::{ALIKE, LEAST_SCORE, LEAST_WEAK_EVIDENCE};
 use crate::select::screen::Screened;
 use crate::select::tried::Tried;
 
@@ -29,7 +29,7 @@ impl WeakEvidence {
     /// How many times as long records like these have to be for it to be named.
     #[must_use]
     pub fn times_longer(&self) -> u32 {
-        (LEAST_SCORE / self.evidence.max(LEAST_WEAK_EVIDENCE)).ceil().max(2.0) as u32
+        (POLICY.least_score / self.evidence.max(POLICY.least_weak_evidence)).ceil().max(2.0) as u32
     }
 }
 
@@ -38,9 +38,9 @@ impl fmt::Display for WeakEvidence {
         let Self { kind, evidence } = self;
         write!(
             f,
-            "Weak evidence for {} ({}): log-likelihood {evidence:+.1} beyond its complexity penalty, where {LEAST_SCORE} is needed; \
+            "Weak evidence for {} ({}): log-likelihood {evidence:+.1} beyond its complexity penalty, where {} is needed; \
              not added.",
-            kind.id, kind.title
+            kind.id, kind.title, POLICY.least_score
         )
     }
 }
@@ -77,6 +77,7 @@ pub(crate) fn weak_evidence(promised: Vec<WeakEvidence>, tried: &[Tried]) -> Vec
     let mut weak_evidence: Vec<WeakEvidence> = promised.into_iter().filter_map(of).collect();
     weak_evidence.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let best = weak_evidence.first().map_or(0.0, |best| best.evidence);
-    weak_evidence.retain(|suspect| suspect.evidence >= LEAST_WEAK_EVIDENCE && best - suspect.evidence < ALIKE);
+    weak_evidence
+        .retain(|suspect| suspect.evidence >= POLICY.least_weak_evidence && best - suspect.evidence < POLICY.alike);
     weak_evidence
 }

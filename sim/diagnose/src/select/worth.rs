@@ -12,8 +12,11 @@ use crate::assess::lateness::LOGGER_ROWS;
 use crate::estimate::fit::fit_in;
 use crate::model::candidate::{AT_MOST_OFF, Candidate};
 use crate::model::hypothesis::Hypothesis;
+use crate::policy::POLICY;
 use crate::select::explain::Search;
-use crate::select::policy::{LAST_STEPS, LEAST_SCORE, OF_LAW, OF_NOISE};
+
+/// Steps of a fit without one of the effects.
+const WITHOUT: usize = 8;
 
 /// What one effect of a set is worth.
 #[derive(Clone, Debug)]
@@ -36,7 +39,7 @@ impl Search<'_> {
         let hypothesis = &member.fit.hypothesis;
         let kinds = without(&member.kinds(), hypothesis.effects[effect].kind);
         let fitted =
-            || fit_in(&self.likelihood, &hypothesis.without(effect), self.lags, LAST_STEPS).map(|fit| self.member(fit));
+            || fit_in(&self.likelihood, &hypothesis.without(effect), self.lags, WITHOUT).map(|fit| self.member(fit));
         let rest = pool.of(&kinds).filter(|rest| rest.is_possible()).cloned().or_else(fitted)?;
         let mut worth = Worth {
             lost: member.evidence - rest.evidence,
@@ -45,8 +48,8 @@ impl Search<'_> {
             rest,
             failed: Vec::new(),
         };
-        if worth.lost < LEAST_SCORE {
-            worth.failed.push(format!("score: below {LEAST_SCORE}"));
+        if worth.lost < POLICY.least_score {
+            worth.failed.push(format!("score: below {}", POLICY.least_score));
         } else if self.likelihood.data.has_logs() {
             self.ask_logs(member, effect, &mut worth);
         }
@@ -64,11 +67,11 @@ impl Search<'_> {
         let whole = pool.of(&[]).map_or(0.0, |zero| best.evidence - zero.evidence);
         if self.likelihood.data.has_logs() {
             // What is left there is no law that is a little other, but whatever the levels are off by.
-            LEAST_SCORE
+            POLICY.least_score
         } else if self.is_noise(&best.fit) {
-            LEAST_SCORE + OF_NOISE * whole
+            POLICY.least_score + POLICY.of_noise * whole
         } else {
-            LEAST_SCORE.max(OF_LAW * whole)
+            POLICY.least_score.max(POLICY.of_law * whole)
         }
     }
 
