@@ -142,16 +142,17 @@ fn of_dshot(name: &str, without: Option<f64>) -> Option<(Diagnosis, LawCompariso
     Some((found, laws))
 }
 
-/// Fitted by hand, a static map, a lag and a delay reach 89 %, a lag that depends on the speed reaches 94 %, and the delay is 26 ms.
+/// Fitted by hand, a static map, a lag and a delay of 26 ms reach 89 %, a lag that depends on the speed reaches 94 %. What is late by so much
+/// is a mean over the last readings, half of whose window that is.
 #[test]
 fn rcbenchmark_log() {
     let Some(found) = diagnosed("Log_2019-11-09_181347.csv") else { return };
-    check(&found, &["transport_delay"], 97.0);
+    check(&found, &["supply_sag", "moving_average"], 98.5);
     let found = found.0;
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
-    let (delay_ms, lateness) = delay_ms(&found);
-    assert!((20.0..40.0).contains(&delay_ms) && (3.0..6.0).contains(&lateness.rows()), "{lateness:?}");
+    let late_ms = 0.5e3 * found.effects[1].parameters[0].1.value;
+    assert!((20.0..40.0).contains(&late_ms), "{late_ms}");
 }
 
 /// The ESC's own log has no delay, and a lag with the measured map leaves little to name.
@@ -171,7 +172,9 @@ fn esc32_log_f40() {
 /// shows, if weakly, in the steps around them.
 #[test]
 fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
-    for (without, names) in [(None, &["transport_delay", "winding_heating"][..]), (Some(753.0), &["transport_delay"])] {
+    for (without, names) in
+        [(None, &["transport_delay", "supply_sag"][..]), (Some(753.0), &["transport_delay", "supply_sag"])]
+    {
         let Some(found) = of_dshot("micro_2023-12-17_162234.csv", without) else { return };
         check(&found, names, 95.0);
         let (delay_ms, lateness) = delay_ms(&found.0);

@@ -226,13 +226,14 @@ impl Fit {
     /// the slow part may well be none.
     pub fn excludes_absence(&self, effect: usize) -> bool {
         let candidate = &self.hypothesis.effects[effect];
-        Candidate::searched(candidate.kind).filter(|(_, parameter)| parameter.null.is_finite()).any(
-            |(value, parameter)| {
-                let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
-                let std = std * slope(parameter, candidate.values[value]).abs();
-                (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
-            },
-        )
+        let vanishes = Candidate::searched(candidate.kind).filter(|(_, parameter)| parameter.null.is_finite());
+        let mut excludes = vanishes.map(|(value, parameter)| {
+            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+            let std = std * slope(parameter, candidate.values[value]).abs();
+            (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
+        });
+        // A limit vanishes at no number.
+        excludes.next().is_none_or(|first| first || excludes.any(|excludes| excludes))
     }
 
     /// Whether the interval of 95 % of the shape of an effect excludes that of the catalog's law.

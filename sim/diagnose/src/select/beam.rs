@@ -239,10 +239,11 @@ impl Search<'_> {
         self.likelihood = weighed;
         let mut again = Pool::default();
         let zero = pool.of(&[]).cloned();
-        let kept = if self.likelihood.data.has_logs() { pool.0.len() } else { KEPT };
+        // What logs leave is not known before, and changes by much.
+        let (kept, steps) = if self.likelihood.data.has_logs() { (pool.0.len(), NEXT) } else { (KEPT, FIRST) };
         let kept = pool.0.into_iter().take(kept).filter(|member| member.size() > 0 && member.is_possible());
         for member in kept.chain(zero) {
-            if let Some(fit) = fit_in(&self.likelihood, &member.fit.hypothesis, self.lags, FIRST) {
+            if let Some(fit) = fit_in(&self.likelihood, &member.fit.hypothesis, self.lags, steps) {
                 again.add(self.member(fit));
             }
         }

@@ -38,21 +38,24 @@ pub(crate) fn compared(
     let given = Hypothesis { base: base.to_vec(), ..explanation.after.hypothesis.clone() };
     let with_effects = fit(&search.likelihood, &given, false)?;
     let mut wrong = wrong_numbers(base, &with_effects, &explanation.after);
-    // Beside effects, what was held out has to bear out that the numbers are others.
-    let held_out = |fit: &Fit| search.likelihood.chi_square(&fit.hypothesis, Split::Holdout);
-    if !explanation.found.is_empty() && held_out(&explanation.after)? > held_out(&with_effects)? {
-        wrong = None;
-    }
     let of_lags = Hypothesis::of_lags(base.to_vec());
     if wrong.is_some()
         && explanation.found.is_empty()
         && let Some(other) = beside_given(search, untouched, &with_effects, &explanation.after)
     {
         (explanation, wrong) = (other, None);
-    } else if explanation.found.is_empty() && wrong.is_none() {
-        explanation.after = with_effects;
-    } else if wrong.is_none() {
-        explanation.after = keep_given(&search.likelihood, base, explanation.after)?;
+    } else {
+        // What was held out has to bear out that the numbers are others.
+        let held_out = |fit: &Fit| search.likelihood.chi_square(&fit.hypothesis, Split::Holdout);
+        if held_out(&explanation.after)? > held_out(&with_effects)? {
+            wrong = None;
+        }
+        if wrong.is_none() {
+            explanation.after = match explanation.found.is_empty() {
+                true => with_effects,
+                false => keep_given(&search.likelihood, base, explanation.after)?,
+            };
+        }
     }
     explanation.before = fit(&search.likelihood, &of_lags, false)?;
     Some((explanation, wrong))

@@ -99,6 +99,15 @@ impl Mean {
         self.past.front().map_or(0.0, |first| first.duration_s - self.gone_s)
     }
 
+    /// Puts the last `parts` together to the interval that they are of, where it is under the window as a whole: its own cuts would cut what
+    /// comes a window later, and these again.
+    fn join(&mut self, parts: usize, whole: &Interval) {
+        if let Some(before) = self.past.len().checked_sub(parts).filter(|before| *before > 0) {
+            self.past.truncate(before);
+            self.past.push_back(Interval { from_s: 0.0, ..*whole });
+        }
+    }
+
     /// The area of what leaves the window in `duration_s`.
     fn leave(&mut self, duration_s: f64) -> f64 {
         let (mut area, mut rest_s) = (0.0, duration_s);
@@ -183,7 +192,9 @@ impl ResponseStage for TwoMeans {
         // Where the slope of the input had a corner a window ago, that of the first mean has one: the second takes it in parts between.
         let (start, start_slope) = self.output(signal.start);
         let mut rest = *signal;
+        let mut parts = 0;
         loop {
+            parts += 1;
             let part_s = self.first.until_next_s().max(LEAST_PART_S);
             let is_last = rest.duration_s < part_s + LEAST_PART_S;
             let mut part = if is_last { rest } else { rest.part(rest.from_s, part_s) };
@@ -195,6 +206,7 @@ impl ResponseStage for TwoMeans {
             rest = rest.part(rest.from_s + part_s, rest.duration_s - part_s);
         }
         let (end, end_slope) = self.output(signal.end);
+        self.first.join(parts, signal);
         *signal = Interval { start, start_slope, end, end_slope, ..*signal };
     }
 

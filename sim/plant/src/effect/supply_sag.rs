@@ -26,7 +26,7 @@ pub static KIND: Kind = Kind {
         Parameter::fitted("polarization_s", "s", "the time constant of the slow loss")
             .null(f64::NAN)
             .possible(0.01, 1000.0)
-            .log(0.15, 10.0, &[0.3, 1.0, 3.0]),
+            .log(0.15, 60.0, &[0.3, 1.0, 3.0]),
         Parameter::fitted("resistive_drop", "", "the part of the voltage that is lost at once at a speed of 0.5")
             .possible(0.0, 0.5)
             .linear(0.0, 0.2, &[0.0, 0.04])
@@ -76,6 +76,8 @@ pub static KIND: Kind = Kind {
         "Plett, Battery Management Systems, vol. 1, 2015, ch. 2: series resistance and one RC pair (Thevenin model)",
         "the mean voltage at the motor is duty times supply voltage, so a supply gives the power of the propeller, the cube of \
          its speed, by its voltage; 5 to 15 % of sag at hover, 0.3 to 3 s",
+        "a battery polarizes in seconds and in minutes: Chen & Rincon-Mora, Accurate electrical battery model capable of predicting \
+         runtime and I-V performance, IEEE Trans. Energy Conversion 21(2), 2006",
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
