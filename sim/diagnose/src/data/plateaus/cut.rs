@@ -198,7 +198,7 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
         // The row on which the command changes may stand for the level before.
         let (first, later) = moving.split_at(moving.len().min(1));
         let first = blocks.add(first, 1);
-        let later = blocks.add(later, width);
+        let later = blocks.add_moving(later, width);
         let begin = moving.last().map_or(group.rows.start, |last| last + 1).max(part.stalled.end);
         let resting = rows_of(begin..part.settled.first().copied().unwrap_or(group.rows.end), &kept);
         blocks.add(&resting, resting.len().div_ceil(SETTLED_BLOCKS));
@@ -212,7 +212,12 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
     if has_free_map {
         free_map(&groups, &mut parts);
     }
-    prepared(rows, blocks, measured, Log { has_free_map, ..Log::new(groups, parts, cut, true, rows_per_sample) })
+    prepared(
+        rows,
+        blocks,
+        (time_s, measured),
+        Log { has_free_map, ..Log::new(groups, parts, cut, true, rows_per_sample) },
+    )
 }
 
 /// What of each group of rows is compared: where it moves, and where it has settled.
@@ -277,12 +282,12 @@ fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
         part.moving = group.rows.clone().map(|block| (block, 0.0)).collect();
     }
     let cut = CutRows { file: source.file.clone(), rows: count, spikes, after_gaps, ..CutRows::default() };
-    prepared(0..count, blocks, &measured, Log::new(groups, parts, cut, false, 1.0))
+    prepared(0..count, blocks, (time_s, &measured), Log::new(groups, parts, cut, false, 1.0))
 }
 
-fn prepared(rows: Range<usize>, blocks: Blocks, measured: &[f64], log: Log) -> Prepared {
+fn prepared(rows: Range<usize>, blocks: Blocks, (time_s, measured): (&[f64], &[f64]), log: Log) -> Prepared {
     let means = blocks.means(measured);
-    let log = Log { scatter: blocks.scatter(measured), measured: means.clone(), ..log };
+    let log = Log { scatter: blocks.scatter(measured, time_s), measured: means.clone(), ..log };
     Prepared { rows, measured: means, mean_response: mean(measured), blocks, log }
 }
 
