@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use rotorlead_numerics::sample;
 use rotorlead_plant::Trace;
 
 use super::excess::{Excess, Term};
@@ -21,6 +22,8 @@ use crate::noise::plateau_errors::{Errors, Filter, Part, mean};
 const TIMES: f64 = 10.0;
 /// Levels are put together to this many ranges.
 const LEVELS: f64 = 5.0;
+/// How far off a record starts at most, in standard deviations of its response: the weight of that is small beside that of rows.
+const MOST_OFF: f64 = 10.0;
 
 /// What a record that does not repeat is weighed by.
 #[derive(Clone, Debug)]
@@ -128,7 +131,9 @@ impl PlateauWeights {
         let decay: Vec<f64> = time_s.iter().map(decay_at).collect();
         let (a, b, r) = (filter.apply(&ones), filter.apply(&decay), filter.apply(difference));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let (aa, ab, bb, ar, br) = (dot(&a, &a), dot(&a, &b), dot(&b, &b), dot(&a, &r), dot(&b, &r));
+        // Rows at which nothing is left of the start do not say where it was: then it is no farther off than the response ever goes.
+        let prior = (MOST_OFF.powi(2) * sample::variance(&self.log.measured)).recip();
+        let (aa, ab, bb, ar, br) = (dot(&a, &a), dot(&a, &b), dot(&b, &b) + prior, dot(&a, &r), dot(&b, &r));
         let determinant = aa * bb - ab * ab;
         let (offset, start) = if determinant > 1e-9 * aa * bb {
             ((bb * ar - ab * br) / determinant, (aa * br - ab * ar) / determinant)
