@@ -15,6 +15,7 @@ mod import_odd;
 mod import_plain;
 mod import_ulog;
 mod importing;
+mod invariance;
 mod next_experiment;
 mod plausibility;
 mod redesign;

@@ -96,7 +96,8 @@ impl Candidate {
         let [at, low, high] = [self.values[index], low, high].map(|value| to_coordinate(parameter, value));
         // Of a value without such a place, whose null is no number, both ends count.
         let null = to_coordinate(parameter, parameter.null);
-        let above = if null >= high { 0.0 } else { (at - high).max(0.0) };
+        // How long a lag may be is said by the rotor's, which is the longest.
+        let above = if null >= high || parameter.is_lag { 0.0 } else { (at - high).max(0.0) };
         let below = if null <= low { 0.0 } else { (low - at).max(0.0) };
         (above + below) / (high - low)
     }
