@@ -5,6 +5,7 @@ mod blind_inverse;
 mod docs;
 mod frequency_response;
 mod identification;
+mod outside;
 mod paper;
 mod parametric;
 mod real_logs;
