@@ -347,7 +347,7 @@ mod tests {
         let kind = Catalog::standard().find("supply_sag").unwrap();
         let sag = |polarization_drop: f64| {
             let mut values = kind.null();
-            (values[0], values[1], values[2]) = (polarization_drop, 40.0, 0.03);
+            (values[0], values[1], values[2]) = (polarization_drop, 400.0, 0.03);
             Candidate::new(kind, values)
         };
         assert!(sag(0.05).beyond_range(AT_MOST_OFF).is_some());
