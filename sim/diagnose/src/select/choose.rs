@@ -11,35 +11,43 @@ use crate::policy::POLICY;
 use crate::propose;
 use crate::select::explain::{Found, Search};
 
-/// A member with its evidence, less what its names cost.
-type Weighed<'a> = (f64, &'a Member);
+/// A member that may be.
+#[derive(Clone, Copy)]
+struct Near<'a> {
+    /// Its evidence by all columns, less what its names cost.
+    score: f64,
+    member: &'a Member,
+    /// Whether each of its effects passes every test.
+    is_borne_out: bool,
+}
 
 impl Search<'_> {
     /// The member whose effects are named: that of the most evidence, where each name costs what the law of another may be off by.
     pub fn chosen(&self, pool: &Pool) -> Option<(Member, Vec<Found>)> {
         let near = self.near_the_best(pool)?;
-        let (own, best) = near.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let (own, chosen) = match self.as_delay(pool, best) {
-            Some(delay) => (own + delay.evidence - best.evidence, delay),
-            None => (own, best),
+        let best = near.iter().filter(|one| one.is_borne_out).max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let (own, chosen) = match self.as_delay(pool, best.member) {
+            Some(delay) => (best.score + delay.evidence - best.member.evidence, delay),
+            None => (best.score, best.member),
         };
         let found = self.found(pool, (own, chosen), &near)?;
         Some((Member { fit: self.with_whole_steps(&chosen.fit), ..chosen.clone() }, found))
     }
 
     /// The kinds of the chosen member, with what each is worth and what would do as well. `None` where nothing can be said without one.
-    fn found(&self, pool: &Pool, (own, chosen): Weighed, near: &[Weighed]) -> Option<Vec<Found>> {
+    fn found(&self, pool: &Pool, (own, chosen): (f64, &Member), near: &[Near]) -> Option<Vec<Found>> {
         let kinds = chosen.kinds();
         let of_effect = |(place, effect): (usize, &Candidate)| {
             let rest = without(&kinds, effect.kind);
-            let stands_in = |(evidence, other): &&Weighed| {
-                other.size() == chosen.size()
-                    && own - evidence < POLICY.alike
-                    && rest.iter().all(|kind| other.kinds().contains(kind))
+            // What fails a test by a little is no less alike.
+            let stands_in = |other: &&Near| {
+                other.member.size() == chosen.size()
+                    && (own - other.score).abs() < POLICY.alike
+                    && rest.iter().all(|kind| other.member.kinds().contains(kind))
             };
-            let others = near.iter().filter(stands_in).flat_map(|&(evidence, other)| {
+            let others = near.iter().filter(stands_in).flat_map(|&Near { score, member, .. }| {
                 let is_new = |kind: &&Kind| !kinds.contains(kind);
-                other.kinds().into_iter().filter(is_new).map(move |kind| (kind, (own - evidence).exp()))
+                member.kinds().into_iter().filter(is_new).map(move |kind| (kind, (own - score).exp()))
             });
             let (alternatives, odds) = others.unzip();
             Some(Found { kind: effect.kind, score: self.worth(pool, chosen, place)?.lost, alternatives, odds })
@@ -47,30 +55,33 @@ impl Search<'_> {
         chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }
 
-    /// The members within chance of the best that may be named, by all columns.
-    fn near_the_best<'a>(&self, pool: &'a Pool) -> Option<Vec<Weighed<'a>>> {
+    /// The members that may be, down to what chance makes of the best that is borne out.
+    fn near_the_best<'a>(&self, pool: &'a Pool) -> Option<Vec<Near<'a>>> {
         let may_be = |one: &&Member| self.is_plausible(one) || self.is_noise(&one.fit);
         let most = pool.members().iter().find(may_be)?;
         let cost = self.cost_of_a_name(pool, most);
-        let mut all: Vec<Weighed> =
+        let mut all: Vec<(f64, &Member)> =
             pool.members().iter().map(|one| (one.evidence - cost * one.size() as f64, one)).collect();
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut near: Vec<Weighed> = Vec::new();
-        for (score, one) in all {
-            if near.first().is_some_and(|best| score < best.0 - POLICY.least_score) {
+        let mut near: Vec<Near> = Vec::new();
+        let mut least = f64::NEG_INFINITY;
+        for (score, member) in all {
+            if score < least {
                 break;
             }
-            if may_be(&one) && self.is_borne_out(pool, one) {
-                near.push((score, one));
+            if may_be(&member) {
+                let is_borne_out = self.is_borne_out(pool, member);
+                if is_borne_out {
+                    least = least.max(score - POLICY.least_score);
+                }
+                near.push(Near { score, member, is_borne_out });
             }
         }
-        let fits: Vec<&Fit> = near.iter().map(|one| &one.1.fit).collect();
+        let fits: Vec<&Fit> = near.iter().map(|one| &one.member.fit).collect();
         let gains = if near.len() > 1 { auxiliary_gains(&self.likelihood, &fits) } else { None };
         for (one, gain) in near.iter_mut().zip(gains.into_iter().flatten()) {
-            one.0 += gain;
+            one.score += gain;
         }
-        let best = near.iter().map(|one| one.0).fold(f64::NEG_INFINITY, f64::max);
-        near.retain(|one| one.0 >= best - POLICY.least_score);
         Some(near)
     }
 
