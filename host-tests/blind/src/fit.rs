@@ -149,7 +149,16 @@ impl<'a> Fitter<'a> {
         damping: &mut f64,
         worth: f64,
     ) -> Option<State> {
-        let Normal { matrix, slope } = self.likelihood.normal_equations(state, free, frozen)?;
+        let mut normal = self.likelihood.normal_equations(state, free, frozen)?;
+        // A parameter at its bound that would leave its range stays, and the others step without it.
+        let own = normal.slope.len() - free.len();
+        for (place, at) in free.iter().enumerate() {
+            let outward = 1e-3 * normal.slope[own + place].signum();
+            if shifted(&state.effects, *at, outward) == state.effects {
+                normal.hold(own + place);
+            }
+        }
+        let Normal { matrix, slope } = normal;
         for _ in 0..5 {
             let mut damped = matrix.clone();
             for (index, row) in damped.iter_mut().enumerate() {

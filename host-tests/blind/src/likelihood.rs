@@ -84,6 +84,18 @@ pub(super) struct Normal {
     pub slope: Vec<f64>,
 }
 
+impl Normal {
+    /// Takes an unknown out of the equations: its step is zero, and the others step as if it were known.
+    pub fn hold(&mut self, unknown: usize) {
+        self.matrix[unknown].fill(0.0);
+        for row in &mut self.matrix {
+            row[unknown] = 0.0;
+        }
+        self.matrix[unknown][unknown] = 1.0;
+        self.slope[unknown] = 0.0;
+    }
+}
+
 impl<'a> Likelihood<'a> {
     /// All records of `case`, `columns` by record, with the chain's step by setup.
     #[must_use]
