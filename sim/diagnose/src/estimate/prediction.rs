@@ -37,15 +37,11 @@ struct Part {
     products: Vec<(usize, usize, f64)>,
 }
 
-/// Minus twice the log likelihood of what `white` makes of these records, but for a constant; the derivative of it by the gain `by_gain`
-/// may know. `None` where the fit is impossible there.
+/// Minus twice the log likelihood of what `white` makes of these records, but for a constant. `None` where the fit is impossible there.
 pub(crate) fn deviance_of(
     unseen: &[&Record],
     (fit, most_steps): (&Fit, usize),
-    (white, by_gain): (
-        impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
-        impl Fn(&Record, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
-    ),
+    white: impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
 ) -> Option<f64> {
     let count = fit.coordinates.len();
     let information = DMatrix::identity(count, count) * INFORMATION_BEFORE + &fit.information;
@@ -61,8 +57,7 @@ pub(crate) fn deviance_of(
         let of_record = |record: &&Record| {
             let at = white(record, &hypothesis)?;
             let by = (&fit.coordinates[..], EFFECT_STEP);
-            let by_gain = || by_gain(record, &hypothesis, &at);
-            let columns = columns(record, &hypothesis, by, (&at, by_gain), |hypothesis| white(record, hypothesis))?;
+            let columns = columns(record, &hypothesis, by, (&at, || None), |hypothesis| white(record, hypothesis))?;
             let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
             let products =
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
@@ -109,11 +104,8 @@ mod tests {
     /// That of what is held out.
     fn deviance(likelihood: &Likelihood, fit: &Fit, most_steps: usize) -> Option<f64> {
         let held_out = likelihood.compared(Split::Holdout);
-        let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
-            likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
-        };
         let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
-        deviance_of(&held_out, (fit, most_steps), (white, gain))
+        deviance_of(&held_out, (fit, most_steps), white)
     }
 
     /// Lags that were fitted to quiet records, beside loud ones that are held out.
@@ -135,9 +127,6 @@ mod tests {
             let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
             lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
         };
-        let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
-            likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
-        };
         let was_refused = AtomicBool::new(false);
         let white = |record: &Record, hypothesis: &Hypothesis| {
             if !near(hypothesis) {
@@ -148,10 +137,10 @@ mod tests {
         };
         let promised = deviance(&likelihood, &fit, 1);
         assert!(promised.is_some());
-        assert_eq!(deviance_of(&held_out, (&fit, STEPS), (white, gain)), promised);
+        assert_eq!(deviance_of(&held_out, (&fit, STEPS), white), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(deviance_of(&held_out, (&fit, STEPS), (|_, _| None, |_, _, _| None)), None);
+        assert_eq!(deviance_of(&held_out, (&fit, STEPS), |_, _| None), None);
     }
 
     #[test]
