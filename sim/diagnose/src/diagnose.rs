@@ -185,7 +185,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         is_of_given: options.model.is_some(),
         has_free_map: data.records.iter().any(Record::has_free_map),
         lateness: Lateness::of(likelihood, &after.hypothesis),
-        decisions: decided(decisions, verdict, evidence.left_of_logs),
+        decisions: decided(decisions, verdict, &evidence),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
         needs_steady_start: likelihood.initial_condition == InitialCondition::Steady && verdict != Verdict::Unknown,
         locations: locate::locate(likelihood, &before.hypothesis),
@@ -272,21 +272,12 @@ fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: 
 }
 
 /// What became of each kind in the end, those that were added first: where no explanation was accepted, nothing was added.
-fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2]; 2]>) -> Vec<Decision> {
+fn decided(mut decisions: Vec<Decision>, verdict: Verdict, evidence: &Evidence) -> Vec<Decision> {
     decisions.sort_by_key(|decision| !decision.is_added);
-    if verdict != Verdict::Unknown {
-        return decisions;
-    }
-    let [_, [levels, motion]] = left.unwrap_or([[1.0; 2]; 2]);
-    for decision in decisions.iter_mut().filter(|decision| decision.is_added) {
-        decision.is_added = false;
-        decision.failed = vec![format!(
-            "explanation: leaves {:.0} % of the power of the held-out levels and {:.0} % of that of the held-out motion, at most \
-             {:.0} % of either accepted",
-            100.0 * levels,
-            100.0 * motion,
-            100.0 * POLICY.most_left_of_logs
-        )];
+    if verdict == Verdict::Unknown {
+        for decision in decisions.iter_mut().filter(|decision| decision.is_added) {
+            (decision.is_added, decision.failed) = (false, vec![evidence.why_unknown()]);
+        }
     }
     decisions
 }

@@ -100,7 +100,9 @@ pub enum DiagnoseError {
     },
     /// The search found no value at which the model can be simulated.
     #[error("the model of {what} cannot be compared with these records")]
-    #[diagnostic(help("check the records' units and their nominal commands against the model's"))]
+    #[diagnostic(help(
+        "check the records' units, and the nominal commands of a model given with --model against theirs"
+    ))]
     NoFit {
         /// Which model.
         what: &'static str,

@@ -72,13 +72,13 @@ impl Left {
     }
 
     /// The share of the power that is left of levels, and of the motion of a typical step: the geometric mean over all steps, since
-    /// a motor that loses step once leaves more than all the others. 1 of what is not compared.
-    pub fn shares(&self) -> [f64; 2] {
+    /// a motor that loses step once leaves more than all the others. `None` of what is not compared.
+    pub fn shares(&self) -> [Option<f64>; 2] {
         let ((count, before), (_, after)) = (self.before.levels, self.after.levels);
-        let of_levels = if count > 0.0 && before > 0.0 { after / before } else { 1.0 };
+        let of_levels = (count > 0.0 && before > 0.0).then(|| after / before);
         let pairs = self.before.steps.iter().zip(&self.after.steps);
         let logs: Vec<f64> = pairs.map(|(before, after)| (after / before).ln()).filter(|log| log.is_finite()).collect();
-        [of_levels, if logs.is_empty() { 1.0 } else { mean(&logs).exp() }]
+        [of_levels, (!logs.is_empty()).then(|| mean(&logs).exp())]
     }
 }
 

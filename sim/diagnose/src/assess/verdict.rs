@@ -67,7 +67,7 @@ pub(crate) struct Evidence {
     pub is_timely: bool,
     /// Where there are records that do not repeat: the shares of the power that is left of levels and of the motion, on what was
     /// fitted and on what was held out.
-    pub left_of_logs: Option<[[f64; 2]; 2]>,
+    pub left_of_logs: Option<[[Option<f64>; 2]; 2]>,
 }
 
 impl Evidence {
@@ -94,14 +94,36 @@ impl Evidence {
 
     /// Whether what was found leaves no more of the gap than its share, and takes away more than what bursts of noise may be off by.
     fn explains(&self) -> bool {
-        let share = match self.left_of_logs {
+        let Gap { before, after, noise_floor } = self.gap.squared();
+        let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;
+        self.left() < self.most_left() && (self.steadiness.is_noise() || outweighs_bursts())
+    }
+
+    /// The share of the gap that an explanation may leave.
+    fn most_left(&self) -> f64 {
+        match self.left_of_logs {
             _ if self.is_all() => POLICY.most_left_of_held_out,
             Some(_) => POLICY.most_left_of_logs,
             None => POLICY.most_left,
-        };
-        let Gap { before, after, noise_floor } = self.gap.squared();
-        let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;
-        self.left() < share && (self.steadiness.is_noise() || outweighs_bursts())
+        }
+    }
+
+    /// Why effects that were found are not named.
+    pub fn why_unknown(&self) -> String {
+        let (left, most) = (self.left(), self.most_left());
+        if !self.is_timely {
+            "explanation: the delay is not the same at every step".to_owned()
+        } else if left < most {
+            "explanation: takes away no more than bursts of noise may be off by".to_owned()
+        } else {
+            let parts =
+                if self.left_of_logs.is_some() { ", of its levels or its motion where that is less" } else { "" };
+            format!(
+                "explanation: leaves {:.0} % of the power of the gap{parts}, at most {:.0} % accepted",
+                100.0 * left,
+                100.0 * most
+            )
+        }
     }
 
     /// The share of the power of the gap that is left, of what was fitted or of what was held out, the larger; of logs that of their levels, or
@@ -112,7 +134,8 @@ impl Evidence {
         let held_out = over.max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE);
         let fitted = if self.is_all() { 0.0 } else { self.excess.1.over() / self.excess.0.over() };
         let parts = self.left_of_logs.filter(|_| after <= before).into_iter();
-        let parts = parts.flat_map(|[fitted, held_out]| [0, 1].map(|part| fitted[part].max(held_out[part])));
+        let larger = |(fitted, held_out): (Option<f64>, Option<f64>)| Some(fitted?.max(held_out?));
+        let parts = parts.flat_map(|[fitted, held_out]| fitted.into_iter().zip(held_out).filter_map(larger));
         parts.fold(fitted.max(held_out), f64::min)
     }
 }
