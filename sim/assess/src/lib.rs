@@ -15,6 +15,7 @@ pub use gain::dead_time_remedy;
 pub use other_output::OtherOutput;
 pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
+use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::check::{Findings, of_lag, of_record};
 use rotorlead_identify::{IdentifyError, RecordValidation, validate};
 use rotorlead_plant::{Catalog, Judgement, Model, Word};
@@ -38,41 +39,30 @@ pub struct Assessment {
     pub other_output: Option<OtherOutput>,
     /// How well it explains each record.
     pub records: Result<Vec<RecordValidation>, IdentifyError>,
-    claims: Claims,
 }
 
 impl Assessment {
     fn of(claims: Claims, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
         let judgement = Judgement { in_doubt, ..claims.judgement() };
-        Self { judgement, recommendation: None, other_output: None, records, claims }
-    }
-
-    /// The same with what a diagnosis `found`, a clause, in place of the advice to ask one.
-    #[must_use]
-    pub fn diagnosed(mut self, found: &str) -> Self {
-        for claim in &mut self.claims.0 {
-            if claim.asks.is_some() {
-                claim.asks = Some(format!("; {found}"));
-            }
-        }
-        let Judgement { in_doubt, .. } = self.judgement;
-        self.judgement = Judgement { in_doubt, ..self.claims.judgement() };
-        self
+        Self { judgement, recommendation: None, other_output: None, records }
     }
 }
 
-/// Records that the model rests on and cannot be compared with as they are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NotCompared {
-    /// Whether there are records too long to be in memory.
+/// What is known beside the records that a model is judged by.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Known<'a> {
+    /// Whether the model rests on records that are too long to be in memory, too.
     pub long: bool,
     /// Whether a stand was divided out, which is still in the records.
     pub stand: bool,
+    /// What a diagnosis of them found, and the same in a clause. Without one the judgement itself looks for the one effect that a lag
+    /// imitates well.
+    pub diagnosis: Option<(&'a Diagnosis, &'a str)>,
 }
 
-/// Judges `model` by the records of `experiment`, beside which there is what cannot be compared.
+/// Judges `model` by the records of `experiment`.
 #[must_use]
-pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared) -> Assessment {
+pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessment {
     let mut claims = Claims::default();
     if model.points.is_empty() {
         claims.add(
@@ -84,20 +74,20 @@ pub fn assess(experiment: &Experiment, model: &Model, not_compared: NotCompared)
     let records = validate(experiment, model);
     // Nothing below is worth more than the numbers.
     let in_doubt = claims.of_findings(experiment, model);
-    if not_compared.long {
+    if known.long {
         let reason =
             "there are records too long to be compared while they are read: `rotorlead validate` compares them";
         claims.add(Word::MeasureAgain, reason.to_owned());
     }
     match &records {
-        _ if not_compared.stand => claims.add(
+        _ if known.stand => claims.add(
             Word::ReadyWithinLimits,
             "a stand was divided out, and no record is without it: what the lag leaves is known of the fit alone"
                 .to_owned(),
         ),
         // All of them are long.
-        Ok(records) if records.is_empty() && not_compared.long => {}
-        Ok(records) => claims.of_residual(experiment, model, records),
+        Ok(records) if records.is_empty() && known.long => {}
+        Ok(records) => claims.of_residual(experiment, model, records, known.diagnosis),
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
     claims.of_points(model);
@@ -119,21 +109,20 @@ struct Claim {
     /// The best word that it leaves.
     word: Word,
     reason: String,
-    /// What a diagnosis would say of it, after the reason.
-    asks: Option<String>,
 }
 
 impl Claims {
     fn add(&mut self, word: Word, reason: String) {
-        self.0.push(Claim { word, reason, asks: None });
+        self.0.push(Claim { word, reason });
     }
 
-    /// Of what a diagnosis knows more.
-    fn add_to_diagnose(&mut self, word: Word, reason: String, advice: &str) {
-        self.0.push(Claim { word, reason, asks: Some(advice.to_owned()) });
-    }
-
-    fn of_residual(&mut self, experiment: &Experiment, model: &Model, records: &[RecordValidation]) {
+    fn of_residual(
+        &mut self,
+        experiment: &Experiment,
+        model: &Model,
+        records: &[RecordValidation],
+        diagnosis: Option<(&Diagnosis, &str)>,
+    ) {
         match wrong(records) {
             None => self.add(
                 Word::MeasureAgain,
@@ -146,8 +135,9 @@ impl Claims {
                 if let Some(record) = worst {
                     // What a model misses of other records than those it was fitted to may be another motor's.
                     let is_of_them = records.iter().any(|record| record.fitted == Some(true));
-                    let ramp_per_s = if is_of_them { ramp::ramp_per_s(experiment, model) } else { None };
-                    self.of_error(record, ramp_per_s);
+                    let found = diagnosis.map(|(found, _)| found);
+                    let ramp_per_s = if is_of_them { ramp::ramp_per_s(experiment, model, found) } else { None };
+                    self.of_error(record, ramp_per_s, diagnosis.map(|(_, in_short)| in_short));
                 }
             }
         }
@@ -166,8 +156,12 @@ impl Claims {
         self.add(Word::MeasureAgain, reason.to_owned());
     }
 
-    /// Of a record that shows the model to be wrong.
-    fn of_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>) {
+    /// Of a record that shows the model to be wrong, with what a diagnosis `found` in place of the advice to ask one.
+    fn of_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>, found: Option<&str>) {
+        let mut add = |word, reason: String, advice: &str| {
+            let more = found.map_or_else(|| advice.to_owned(), |found| format!("; {found}"));
+            self.add(word, reason + &more);
+        };
         let missed = format!(
             "the lag misses {:.1} % of the response of {}, more than its noise",
             error_percent(record),
@@ -179,12 +173,12 @@ impl Claims {
                  lag misses"
             );
             let advice = format!(": {}; or see `rotorlead diagnose`", remedy(ramp::KIND));
-            self.add_to_diagnose(Word::NotALag, reason, &advice);
+            add(Word::NotALag, reason, &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
-            self.add_to_diagnose(Word::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
+            add(Word::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
             let reason = format!("{missed}: expect as much of what is built on it");
-            self.add_to_diagnose(Word::ReadyWithinLimits, reason, ", or see `rotorlead diagnose`");
+            add(Word::ReadyWithinLimits, reason, ", or see `rotorlead diagnose`");
         }
     }
 
@@ -233,7 +227,7 @@ impl Claims {
         claims.sort_by_key(|claim| std::cmp::Reverse(claim.word));
         Judgement {
             state: claims.first().map_or(Word::Ready, |claim| claim.word),
-            limits: claims.iter().map(|claim| [&*claim.reason, claim.asks.as_deref().unwrap_or("")].concat()).collect(),
+            limits: claims.iter().map(|claim| claim.reason.clone()).collect(),
             in_doubt: false,
         }
     }

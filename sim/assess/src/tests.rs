@@ -1,3 +1,4 @@
+use rotorlead_diagnose::{Options, diagnose};
 use rotorlead_identify::{IdentifyOptions, identify};
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_records::Role;
@@ -17,7 +18,7 @@ fn stand(more: &str) -> Experiment {
 
 fn judged(experiment: &Experiment) -> Judgement {
     let model = identify(experiment, &IdentifyOptions::default()).unwrap().model;
-    assess(experiment, &model, NotCompared::default()).judgement
+    assess(experiment, &model, Known::default()).judgement
 }
 
 fn effect(kind: &str, parameters: &str) -> String {
@@ -51,12 +52,22 @@ fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
 fn what_a_diagnosis_found_is_said_in_place_of_asking_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
-    let before = assess(&experiment, &model, NotCompared::default());
+    let before = assess(&experiment, &model, Known::default());
     let advice = format!("misses: {}; or see `rotorlead diagnose`", remedy("slew_limit"));
     assert!(before.judgement.limits[0].ends_with(&advice), "{before:?}");
-    let after = before.clone().diagnosed("the diagnosis names slew-rate limit").judgement;
-    assert!(after.limits[0].ends_with("misses; the diagnosis names slew-rate limit"), "{after:?}");
+    let catalog = Catalog::standard();
+    let mut found = diagnose(&experiment, &Options { model: None, catalog: &catalog, progress: &|| () }).unwrap();
+    let judged = |found: &Diagnosis| {
+        assess(&experiment, &model, Known { diagnosis: Some((found, "the diagnosis is said")), ..Known::default() })
+            .judgement
+    };
+    let after = judged(&found);
+    assert!(after.limits[0].contains("by 0.60 of the range"), "{after:?}");
+    assert!(after.limits[0].ends_with("misses; the diagnosis is said"), "{after:?}");
     assert_eq!((after.state, &after.limits[1..]), (before.judgement.state, &before.judgement.limits[1..]));
+    // No ramp is looked for once more where a diagnosis has found none.
+    found.effects.clear();
+    assert!(judged(&found).limits[0].starts_with("the lag misses"));
 }
 
 #[test]
@@ -77,15 +88,15 @@ fn without_held_out_records_or_a_second_level_nothing_is_ready() {
 fn what_cannot_be_compared_is_said() {
     let experiment = stand("");
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
-    let judged = |model: &Model, not_compared| assess(&experiment, model, not_compared).judgement;
-    let long = judged(&model, NotCompared { long: true, stand: false });
+    let judged = |model: &Model, known| assess(&experiment, model, known).judgement;
+    let long = judged(&model, Known { long: true, ..Known::default() });
     assert!(long.state == Word::MeasureAgain && long.limits[0].contains("too long"), "{long:?}");
     let all_long = Experiment { records: Vec::new(), ..experiment.clone() };
-    let judgement = assess(&all_long, &model, NotCompared { long: true, stand: false }).judgement;
+    let judgement = assess(&all_long, &model, Known { long: true, ..Known::default() }).judgement;
     assert!(judgement.limits.len() == 1 && judgement.limits[0].contains("too long"), "{judgement:?}");
-    let stand = judged(&model, NotCompared { long: false, stand: true });
+    let stand = judged(&model, Known { stand: true, ..Known::default() });
     assert!(stand.state == Word::ReadyWithinLimits && stand.limits[0].contains("a stand was divided out"), "{stand:?}");
-    let unknown = judged(&Model { provenance: None, ..model.clone() }, NotCompared::default());
+    let unknown = judged(&Model { provenance: None, ..model.clone() }, Known::default());
     assert!(unknown.limits[0].contains("does not say what it was fitted to"), "{unknown:?}");
 }
 
@@ -93,7 +104,7 @@ fn what_cannot_be_compared_is_said() {
 fn a_model_that_has_the_ramp_is_no_lag_that_lacks_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let with: Model = toml::from_str(&format!("{MOTOR}{}", effect("slew_limit", "rate_per_s = 0.7"))).unwrap();
-    let judgement = assess(&experiment, &with, NotCompared::default()).judgement;
+    let judgement = assess(&experiment, &with, Known::default()).judgement;
     assert!(!judgement.limits.iter().any(|reason| reason.contains("ramp its command")), "{judgement:?}");
 }
 
@@ -113,10 +124,10 @@ fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
     let mut other = stand("");
     other.records.iter_mut().for_each(|record| record.nominal = 0.9);
     let model: Model = toml::from_str(MOTOR).unwrap();
-    let Assessment { judgement, records, .. } = assess(&other, &model, NotCompared::default());
+    let Assessment { judgement, records, .. } = assess(&other, &model, Known::default());
     assert!(records.is_err() && judgement.state == Word::MeasureAgain, "{judgement:?}");
     let no_lag = Model { points: Vec::new(), ..model };
-    assert!(assess(&other, &no_lag, NotCompared::default()).judgement.limits[0].contains("static map alone"));
+    assert!(assess(&other, &no_lag, Known::default()).judgement.limits[0].contains("static map alone"));
 }
 
 #[test]

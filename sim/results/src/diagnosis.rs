@@ -2,7 +2,7 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
-use rotorlead_assess::{Assessment, NotCompared, assess};
+use rotorlead_assess::{Known, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
@@ -83,17 +83,18 @@ pub fn found_in_short(found: &Diagnosis) -> String {
 /// identified: what may be built on a lag does not grow with what else is known to act.
 #[must_use]
 pub fn diagnosed_model(experiment: &Experiment, given: Option<&Model>, found: &Diagnosis) -> Model {
-    let assessed = match given {
-        Some(model) => Some((model.provenance.clone(), assess(experiment, model, NotCompared::default()))),
-        None => IdentifyResult::of(experiment, &IdentifyOptions::default())
+    let of_given = |model: &Model| {
+        let known = Known { diagnosis: Some((found, &found_in_short(found))), ..Known::default() };
+        let judgement = Some(assess(experiment, model, known).judgement);
+        Some(Provenance { judgement, ..model.provenance.clone()? })
+    };
+    let provenance = match given {
+        Some(model) => of_given(model),
+        None => IdentifyResult::beside(experiment, &IdentifyOptions::default(), Some(found))
             .ok()
-            .map(|identified| (identified.identification.model.provenance, identified.assessment)),
+            .and_then(|identified| identified.identification.model.provenance),
     };
-    let with_judgement = |(provenance, assessment): (Option<Provenance>, Assessment)| {
-        let judgement = Some(assessment.diagnosed(&found_in_short(found)).judgement);
-        Some(Provenance { judgement, ..provenance? })
-    };
-    Model { provenance: assessed.and_then(with_judgement), ..found.model.clone() }
+    Model { provenance, ..found.model.clone() }
 }
 
 fn headline(found: &Diagnosis) -> String {

@@ -12,7 +12,8 @@ pub use tables::points_table;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
-use rotorlead_assess::{Assessment, NotCompared, assess};
+use rotorlead_assess::{Assessment, Known, assess};
+use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{LawComparison, compare_laws};
 use rotorlead_identify::{
@@ -26,6 +27,7 @@ use serde_json::{Map, Value, json};
 use self::chirp::ChirpValues;
 use self::headline::headline;
 use self::intervals::intervals;
+use super::diagnosis::found_in_short;
 use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
@@ -66,9 +68,26 @@ impl IdentifyResult {
     /// # Errors
     /// Those of [`identify`].
     pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
+        Self::beside(experiment, options, None)
+    }
+
+    /// The same beside what a diagnosis of the experiment found, for which the motor is judged.
+    ///
+    /// # Errors
+    /// Those of [`identify`].
+    pub fn beside(
+        experiment: &Experiment,
+        options: &IdentifyOptions,
+        found: Option<&Diagnosis>,
+    ) -> Result<Self, IdentifyError> {
         let mut identification = identify(experiment, options)?;
-        let not_compared = NotCompared { long: !options.long.is_empty(), stand: options.stand.is_some() };
-        let assessment = assess(experiment, &identification.model, not_compared);
+        let in_short = found.map(found_in_short).unwrap_or_default();
+        let known = Known {
+            long: !options.long.is_empty(),
+            stand: options.stand.is_some(),
+            diagnosis: found.map(|found| (found, &*in_short)),
+        };
+        let assessment = assess(experiment, &identification.model, known);
         if let Some(provenance) = &mut identification.model.provenance {
             provenance.judgement = Some(assessment.judgement.clone());
         }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_answer::Answer;
-use rotorlead_assess::{Assessment, NotCompared, assess};
+use rotorlead_assess::{Assessment, Known, assess};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::Latency;
@@ -81,8 +81,17 @@ impl Overview {
     /// # Errors
     /// What is wrong with the records, where neither a model is given nor one can be identified.
     pub fn of(experiment: &Experiment, folder: &Path, asked: Asked, watch: Watch) -> Result<Self, IdentifyError> {
+        let diagnosed = asked.with_diagnosis.then(|| {
+            (watch.stage)("diagnosing");
+            let mut experiment = experiment.clone();
+            fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
+            let catalog = Catalog::standard();
+            diagnose(&experiment, &Options { model: asked.model, catalog: &catalog, progress: watch.step })
+                .map_err(|error| said(&error.into()))
+        });
+        let found = diagnosed.as_ref().and_then(|found| found.as_ref().ok());
         (watch.stage)("identifying");
-        let mut identified = IdentifyResult::of(experiment, &IdentifyOptions::default());
+        let identified = IdentifyResult::beside(experiment, &IdentifyOptions::default(), found);
         let model = match (asked.model, &identified) {
             (Some(model), _) => model.clone(),
             (None, Ok(found)) => found.identification.model.clone(),
@@ -92,25 +101,16 @@ impl Overview {
         (watch.stage)("measuring");
         let in_frequency = identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
         let measured = in_frequency.map(measured);
-        let diagnosed = asked.with_diagnosis.then(|| {
-            (watch.stage)("diagnosing");
-            let mut experiment = experiment.clone();
-            fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
-            let catalog = Catalog::standard();
-            diagnose(&experiment, &Options { model: asked.model, catalog: &catalog, progress: watch.step })
-                .map_err(|error| said(&error.into()))
-        });
         (watch.stage)("validating");
-        let mut assessment = match (asked.model, &identified) {
+        let in_short = found.map(found_in_short).unwrap_or_default();
+        let assessment = match (asked.model, &identified) {
             (None, Ok(found)) => found.assessment.clone(),
-            _ => assess(experiment, &model, NotCompared::default()),
+            _ => assess(
+                experiment,
+                &model,
+                Known { diagnosis: found.map(|found| (found, &*in_short)), ..Known::default() },
+            ),
         };
-        if let Some(Ok(found)) = &diagnosed {
-            assessment = assessment.diagnosed(&found_in_short(found));
-        }
-        if let (None, Ok(found)) = (asked.model, &mut identified) {
-            found.assessment.clone_from(&assessment);
-        }
         let mut overview = Self {
             identified: identified.map_err(|error| said(&error.into())),
             model,
