@@ -22,8 +22,8 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
   --kinds A,B       only these kinds; also `nothing`, `pair`, `triple`, `outside`, `perturbed`, `nuisance`,
                     `single_in_nuisance`
   --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, three times as many pairs,
-                    twice as many outside the catalog and of one effect in nuisances of the stand, and as many triples,
-                    of each bent law and of each nuisance
+                    six times as many outside the catalog, twice as many of one effect in nuisances of the stand, and as many
+                    triples, of each bent law and of each nuisance
   --jobs N          cases at a time, 2 by default
   --keep DIR        leaves experiments, truths and answers there; what the same program has answered before is not asked
                     again; with --only-ceilings experiments and truths

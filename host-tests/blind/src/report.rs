@@ -154,7 +154,7 @@ mod tests {
         for part in PARTS {
             from += page[from..].find(part).unwrap_or_else(|| panic!("{part} is missing or out of order"));
         }
-        assert!(page.contains("| 0/1 = 0 % (0 to 79) | >= 95.0 % | no |"), "{page}");
+        assert!(page.contains("| 0/1 = 0 % (0 to 79) | >= 97.0 % | no |"), "{page}");
         assert!(page.contains("| transport_delay | 0 | yes | esc_frame_hold |"), "{page}");
         assert!(page.contains("| transport_delay (delay_jitter) | 0 | yes | esc_frame_hold |"), "{page}");
         assert!(page.contains("| gusts + mains_hum | 0 | yes | esc_frame_hold |"), "{page}");

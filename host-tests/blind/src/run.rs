@@ -43,8 +43,8 @@ pub struct Plan {
     pub cache: PathBuf,
 }
 
-/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog and of one effect in nuisances,
-/// three times as many pairs, of which a part does not show, and as many triples, of each bent law and of each nuisance. Only the
+/// The cases for `seeds` of each kind: four times as many empty ones, six times as many outside the catalog, twice as many of one effect in
+/// nuisances, three times as many pairs, of which a part does not show, and as many triples, of each bent law and of each nuisance. Only the
 /// classes in `only`, if it names any.
 #[must_use]
 pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
@@ -52,9 +52,10 @@ pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
     let others = Class::OTHERS.into_iter().map(|class| {
         let times = match class {
             Class::Single(_) | Class::Triple => 1,
-            Class::Outside | Class::SingleInNuisance => 2,
+            Class::SingleInNuisance => 2,
             Class::Pair => 3,
             Class::Empty => 4,
+            Class::Outside => 6,
             Class::Perturbed => Law::TABLE.len() as u64,
             Class::Nuisance => Sort::ALL.len() as u64,
         };
@@ -250,7 +251,7 @@ mod tests {
     fn ten_seeds_are_as_many_cases_as_asked_for() {
         let all = cases(10, &[]);
         let count = |class: Class| all.iter().filter(|(one, _)| *one == class).count();
-        assert_eq!((count(Class::Empty), count(Class::Outside), count(Class::Pair)), (40, 20, 30));
+        assert_eq!((count(Class::Empty), count(Class::Outside), count(Class::Pair)), (40, 60, 30));
         assert_eq!((count(Class::Triple), count(Class::SingleInNuisance)), (10, 20));
         assert_eq!((count(Class::Nuisance), count(Class::Perturbed)), (60, 200));
         assert!(Kind::ALL.into_iter().all(|kind| count(Class::Single(kind)) == 10));
