@@ -115,6 +115,8 @@ impl Evidence {
             "explanation: the delay is not the same at every step".to_owned()
         } else if left < most {
             "explanation: takes away no more than bursts of noise may be off by".to_owned()
+        } else if left >= 1.0 {
+            "explanation: leaves no less of the gap than there was".to_owned()
         } else {
             let parts =
                 if self.left_of_logs.is_some() { ", of its levels or its motion where that is less" } else { "" };
