@@ -19,13 +19,13 @@ pub fn ramp_per_s(experiment: &Experiment, model: &Model, found: Option<&Diagnos
         return rate_per_s(found);
     }
     let catalog = Catalog::standard().only(KIND);
-    let found = diagnose(experiment, &Options { model: None, catalog: &catalog, progress: &|| () }).ok()?;
-    let beyond_noise = |gap: f64| (gap * gap - found.gap.noise_floor * found.gap.noise_floor).max(0.0);
-    (beyond_noise(found.gap.after) < SHRINKS_TO * beyond_noise(found.gap.before)).then(|| rate_per_s(&found)).flatten()
+    rate_per_s(&diagnose(experiment, &Options { model: None, catalog: &catalog, progress: &|| () }).ok()?)
 }
 
-/// That of a ramp that is named.
+/// That of a ramp that is worth more than all else that is named, where most of what the lag misses is explained.
 fn rate_per_s(found: &Diagnosis) -> Option<f64> {
-    let effect = found.effects.iter().find(|effect| effect.kind.id == KIND)?;
-    effect.parameters.first().map(|(_, rate)| rate.value)
+    let effect = found.effects.first().filter(|effect| effect.kind.id == KIND)?;
+    let beyond_noise = |gap: f64| (gap * gap - found.gap.noise_floor * found.gap.noise_floor).max(0.0);
+    let (_, rate) = effect.parameters.first()?;
+    (beyond_noise(found.gap.after) < SHRINKS_TO * beyond_noise(found.gap.before)).then_some(rate.value)
 }

@@ -65,6 +65,11 @@ fn what_a_diagnosis_found_is_said_in_place_of_asking_it() {
     assert!(after.limits[0].contains("by 0.60 of the range"), "{after:?}");
     assert!(after.limits[0].ends_with("misses; the diagnosis is said"), "{after:?}");
     assert_eq!((after.state, &after.limits[1..]), (before.judgement.state, &before.judgement.limits[1..]));
+    // One that explains little is not what the lag misses.
+    let explained = found.gap;
+    found.gap.after = 0.9 * found.gap.before;
+    assert!(judged(&found).limits[0].starts_with("the lag misses"));
+    found.gap = explained;
     // No ramp is looked for once more where a diagnosis has found none.
     found.effects.clear();
     assert!(judged(&found).limits[0].starts_with("the lag misses"));
