@@ -55,7 +55,7 @@ impl Set {
     pub fn base(self) -> u64 {
         match self {
             Self::Tune => 0x7440_0000_0000,
-            Self::Report => 0x71c9_0000_0000,
+            Self::Report => 0x2c87_0000_0000,
         }
     }
 }
