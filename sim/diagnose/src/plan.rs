@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 use rotorlead_plant::Noise;
 use rotorlead_plant::bench::{Plan, PlannedRecord};
-use rotorlead_plant::effect::{Kind, Site};
+use rotorlead_plant::effect::{Confusion, Kind, Recipe, SQUARE_PERIODS, Site};
 use rotorlead_records::{Excitation, Output};
 
 use crate::assess::conditions::{Conditions, StaircaseConditions};
@@ -32,8 +32,6 @@ const WIDTHS: f64 = 10.0;
 const OTHER_TURN: f64 = 1.37;
 /// Half the period of a triangle, seconds.
 const TRIANGLE_HALF_S: f64 = 10.0;
-/// Periods of a square wave or a triangle.
-const SQUARE_PERIODS: u32 = 3;
 /// Most levels of a staircase that is asked for.
 const MOST_LEVELS: usize = 8;
 /// Rows in a time constant that show how a step begins.
@@ -67,127 +65,24 @@ impl Conditions {
     }
 }
 
-/// The records that tell some kinds apart.
-#[derive(Clone, Copy)]
-struct Recipe {
-    /// Kinds of which any two are distinguished so.
-    kinds: &'static [&'static str],
-    /// Multisines of these multiples of the amplitude.
-    multisines: &'static [f64],
-    /// Square waves of these multiples.
-    squares: &'static [f64],
-    /// Half their period, seconds, and how many.
-    square_half_s: f64,
-    square_periods: u32,
-    /// Whether slow triangles belong to it.
-    triangles: bool,
-    /// Whether multisines go up to 44.9 Hz, and not to 29.9.
-    is_fast: bool,
-    /// Periods of a multisine over those of the records, and at least so many.
-    longer: (u32, u32),
-    /// All nominal commands, the highest first.
-    is_reversed: bool,
-    /// Once more, lower by the amplitude.
-    is_lowered: bool,
-    /// What has to be done beside it.
-    needs: &'static str,
-}
-
-const NOTHING: Recipe = Recipe {
-    kinds: &[],
-    multisines: &[1.0],
-    squares: &[],
-    square_half_s: 5.0,
-    square_periods: SQUARE_PERIODS,
-    triangles: false,
-    is_fast: false,
-    longer: (1, 4),
-    is_reversed: false,
-    is_lowered: false,
-    needs: "",
-};
-
-/// The first that has both kinds is taken.
-const RECIPES: &[Recipe] = &[
-    Recipe {
-        kinds: &["transport_delay", "esc_frame_hold"],
-        is_fast: true,
-        longer: (2, 8),
-        needs: "Where the ESC's protocol can be set to another frame rate, do it all once more at half the rate: half a frame of \
-                delay goes with it.",
-        ..NOTHING
-    },
-    Recipe {
-        kinds: &["dead_band", "command_quantization", "backlash"],
-        multisines: &[0.3, 1.0],
-        triangles: true,
-        ..NOTHING
-    },
-    Recipe { kinds: &["saturation", "quadratic_thrust"], multisines: &[0.5, 1.0], is_lowered: true, ..NOTHING },
-    Recipe {
-        kinds: &["saturation", "slew_limit", "second_pole", "backlash", "transport_delay"],
-        multisines: &[0.25, 0.5, 1.0, 2.0],
-        squares: &[0.5, 2.0],
-        ..NOTHING
-    },
-    Recipe {
-        kinds: &["asymmetric_lag", "operating_point_lag", "quadratic_thrust"],
-        multisines: &[0.5, 2.0],
-        squares: &[0.5, 2.0],
-        triangles: true,
-        ..NOTHING
-    },
-    Recipe {
-        kinds: &["supply_sag", "winding_heating", "gain_drift", "inflow_lead", "parameter_error"],
-        is_fast: true,
-        squares: &[1.0],
-        square_half_s: 20.0,
-        longer: (3, 12),
-        is_reversed: true,
-        needs: "Log voltage and current too. A bench supply in place of the battery takes sag away.",
-        ..NOTHING
-    },
-    Recipe { kinds: &["clock_skew", "transport_delay", "gain_drift"], longer: (5, 30), ..NOTHING },
-    Recipe {
-        kinds: &[
-            "second_pole",
-            "transport_delay",
-            "esc_frame_hold",
-            "parameter_error",
-            "inflow_lead",
-            "stand_resonance",
-            "operating_point_lag",
-            "supply_sag",
-        ],
-        is_fast: true,
-        longer: (3, 12),
-        needs: "Log the speed too: a pole or a mode of sensor and stand is not in it.",
-        ..NOTHING
-    },
-];
-
-/// For all else.
+/// Where the catalog has no answer.
 const GENERAL: Recipe = Recipe {
     multisines: &[0.5, 1.0, 2.0],
     squares: &[1.0],
     is_fast: true,
-    longer: (2, 8),
+    times_longer: 2,
+    least_periods: 8,
     needs: "Log the speed, the voltage and the current too.",
-    ..NOTHING
+    ..Recipe::PLAIN
 };
 
 /// Where nothing is named.
 const UNKNOWN: Recipe = Recipe { triangles: true, multisines: &[0.5, 2.0], squares: &[0.5, 2.0], ..GENERAL };
 
-/// Which two kinds are slew against delay and the like: a delay is distinguished from them by the recipe of fast multisines first.
-fn recipe(one: &Kind, other: &Kind) -> &'static Recipe {
-    let delay_and_pole = |a: &Kind, b: &Kind| a.id == "second_pole" && b.id == "transport_delay";
-    let has = |recipe: &&Recipe| recipe.kinds.contains(&one.id) && recipe.kinds.contains(&other.id);
-    let mut found = RECIPES.iter().filter(has);
-    if delay_and_pole(one, other) || delay_and_pole(other, one) {
-        return found.next_back().unwrap_or(&GENERAL);
-    }
-    found.next().unwrap_or(&GENERAL)
+/// What the catalog knows of telling two kinds apart.
+fn confusion(one: &Kind, other: &Kind) -> Option<&'static Confusion> {
+    let of = |kind: &Kind, with: &Kind| kind.confusions.iter().find(|confusion| confusion.with == with.id);
+    of(one, other).or_else(|| of(other, one))
 }
 
 impl Diagnosis {
@@ -221,25 +116,27 @@ impl Diagnosis {
                 self.weak_evidence_in_words()
             );
             let square_periods = SQUARE_PERIODS * times;
-            let recipe =
-                Recipe { squares: &[1.0], square_periods, longer: (times, 4 * times), is_reversed: true, ..NOTHING };
+            let recipe = Recipe {
+                squares: &[1.0],
+                square_periods,
+                times_longer: times,
+                least_periods: 4 * times,
+                is_reversed: true,
+                ..Recipe::PLAIN
+            };
             return Some(self.planned(&recipe, "weak_evidence", words, None));
         }
         let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
-        let advice = |other: &Kind| {
-            let of = |kind: &Kind, with: &Kind| {
-                kind.confusions.iter().find(|confusion| confusion.with == with.id).map(|confusion| confusion.experiment)
-            };
-            of(open.kind, other).or_else(|| of(other, open.kind))
-        };
         // The first rival that the catalog has an answer for.
         let rivals = &open.alternatives;
-        let other = rivals.iter().copied().find(|other| advice(other).is_some()).unwrap_or(rivals[0]);
-        let recipe = recipe(open.kind, other);
-        let words = advice(other).map_or_else(
-            || format!("To tell {} from {}: repeat the records at other amplitudes.", open.kind.title, other.title),
-            str::to_owned,
-        );
+        let known = |other: &&'static Kind| confusion(open.kind, other).map(|known| (*other, known));
+        let (other, recipe, words) = match rivals.iter().find_map(known) {
+            Some((other, known)) => (other, known.recipe, known.experiment.to_owned()),
+            None => {
+                let (one, other) = (open.kind.title, rivals[0].title);
+                (rivals[0], &GENERAL, format!("To tell {one} from {other}: repeat the records at other amplitudes."))
+            }
+        };
         // A width in duty says how large a triangle has to be.
         let width = open.parameters.iter().find(|(parameter, _)| parameter.unit == "duty");
         let name = format!("{} or {}", open.kind.id, other.id);
@@ -329,10 +226,10 @@ impl Diagnosis {
         let conditions = &self.conditions;
         let frame_hz = self.effects.iter().find(|effect| effect.kind.id == "esc_frame_hold");
         let frame_hz = frame_hz.and_then(|effect| effect.parameters.first()).map(|(_, estimate)| estimate.value);
-        let frame_hz = frame_hz.filter(|_| recipe.kinds.contains(&"esc_frame_hold"));
         let (loop_rate_hz, sample_rate_hz) = rates(conditions, recipe.is_fast, frame_hz);
         let lines = if recipe.is_fast && f64::from(sample_rate_hz) >= RATE_FOR_45_HZ { 225 } else { 150 };
-        let periods = (recipe.longer.0 * conditions.periods).clamp(recipe.longer.1, 3 * recipe.longer.1);
+        let least = recipe.least_periods;
+        let periods = (recipe.times_longer * conditions.periods).clamp(least, 3 * least);
         let mut nominals = if recipe.is_reversed { conditions.nominals.clone() } else { conditions.few() };
         if recipe.is_reversed {
             nominals.reverse();

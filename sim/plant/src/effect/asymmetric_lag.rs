@@ -1,6 +1,6 @@
 //! Speeding up and slowing down take different times.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::{Motion, RotorTerm};
 
 /// Two time constants, one for each direction.
@@ -35,10 +35,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "operating_point_lag",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: unequal lags stay unequal, a pole that moves with the speed becomes one.",
         },
         Confusion {
             with: "quadratic_thrust",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase shows the static map alone; unequal lags go when it is slow.",
         },
     ],

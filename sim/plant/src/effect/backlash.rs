@@ -1,6 +1,6 @@
 //! Play between command and effect.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// The output moves only where the command pushes it.
@@ -29,11 +29,13 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "dead_band",
+            recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle of ten times the play: after each turn play holds for its width and then follows \
                          smoothly, a dead band makes stairs all the way.",
         },
         Confusion {
             with: "transport_delay",
+            recipe: &Recipe::AMPLITUDES,
             experiment: "Double the amplitude: the phase of play halves, that of a delay stays.",
         },
     ],

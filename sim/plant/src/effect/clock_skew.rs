@@ -1,6 +1,6 @@
 //! Two clocks.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 
 /// The logger's clock runs differently from the controller's.
 pub static KIND: Kind = Kind {
@@ -17,6 +17,7 @@ pub static KIND: Kind = Kind {
                 proportion to the frequency.",
     confusions: &[Confusion {
         with: "transport_delay",
+        recipe: &Recipe::LONG,
         experiment: "Compare early and late periods of a long record: a delay stays, skew grows from nothing.",
     }],
     remedy: "a fault of the logging, not of the motor: stamp commands and responses with one clock, and record again",

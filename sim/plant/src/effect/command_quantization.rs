@@ -1,6 +1,6 @@
 //! The command is rounded to a grid.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
 /// Rounds the command to whole steps, as a protocol or a timer does.
@@ -19,11 +19,13 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "dead_band",
+            recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: stairs of a grid are at the same commands up and down, those of a dead band begin \
                          where the command turns.",
         },
         Confusion {
             with: "backlash",
+            recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: a grid leaves the mean response the same up and down, play does not.",
         },
     ],

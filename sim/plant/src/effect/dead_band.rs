@@ -1,6 +1,6 @@
 //! Small changes of the command are ignored.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// Keeps the last command until the new one differs from it by the width.
@@ -33,10 +33,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "command_quantization",
+            recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle with another turning point each time: the stairs of a dead band move with it.",
         },
         Confusion {
             with: "backlash",
+            recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: play follows smoothly once it is taken up, a dead band jumps by its width.",
         },
     ],

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::EscFrame;
 use crate::hold::zero_order_hold;
 
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
                 the frame rate plus and minus it.",
     confusions: &[Confusion {
         with: "transport_delay",
+        recipe: &Recipe::OTHER_FRAMES,
         experiment: "Change the frame rate of the ESC's protocol, or excite near half the suspected frame rate and look for \
                      the image at frame_hz - f: a delay has none.",
     }],

@@ -1,6 +1,6 @@
 //! Thrust changes slowly with time.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage, RotorBase};
 
@@ -25,16 +25,19 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "supply_sag",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Record twice as many periods: sag repeats from period to period. Reverse the order of the nominal \
                          commands: drift keeps to the clock, sag to the command.",
         },
         Confusion {
             with: "winding_heating",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Hold a low level for long before and after a high one: drift keeps to the clock, heat comes with the load \
                          and goes with it.",
         },
         Confusion {
             with: "parameter_error",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Compare the first and the last period: a wrong gain is wrong in both alike.",
         },
     ],

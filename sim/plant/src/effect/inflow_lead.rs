@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -31,15 +31,18 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "supply_sag",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Excite from 0.05 Hz: the step of the gain lies above ten hertz for inflow, below a few for sag. The \
                          voltage does not show it.",
         },
         Confusion {
             with: "parameter_error",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Log the speed too, or excite up to five times 1 / (2 pi time_constant_s): the lead ends at lead_ratio.",
         },
         Confusion {
             with: "stand_resonance",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "A hammer on the stand with the motor off: the air's lead is gone, the stand's mode is not.",
         },
     ],

@@ -5,7 +5,7 @@ use std::fmt;
 
 use num_complex::Complex64;
 
-use super::Part;
+use super::{Part, Recipe};
 use crate::{OperatingPoint, RotorBase};
 
 /// Beyond what is plausible by this factor a value is a slip of its unit.
@@ -181,11 +181,13 @@ pub enum Use {
 }
 
 /// Another kind that looks alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confusion {
     /// The other's identifier.
     pub with: &'static str,
-    /// The experiment that tells them apart, and how.
+    /// The records of the experiment that tells them apart.
+    pub recipe: &'static Recipe,
+    /// That experiment in words, and how it tells them apart.
     pub experiment: &'static str,
 }
 

@@ -9,12 +9,14 @@ mod active;
 mod catalog;
 mod kind;
 mod part;
+mod recipe;
 
 pub use active::{ActiveEffect, LinearChain};
 pub use catalog::Catalog;
 use kind::two_digits;
 pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Search, Shows, Site, Use};
 pub use part::Part;
+pub use recipe::{Recipe, SQUARE_PERIODS};
 
 /// The modules of the kinds, and all of them in the order of the chain.
 macro_rules! kinds {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::{Interval, Memory, ResponseStage};
 
 /// What is logged is the mean over the last moments.
@@ -30,15 +30,18 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "transport_delay",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to 1 / window_s: there a mean shows nothing at all, at half of it two thirds; a delay of half the window \
                          leaves the magnitude alone.",
         },
         Confusion {
             with: "second_pole",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite beyond 1 / window_s: a mean has a notch there, and more at its multiples; a pole goes on falling without one.",
         },
         Confusion {
             with: "esc_frame_hold",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Log the speed too: it has the frames, and not the mean of the thrust. A hold has images around the multiples of its \
                          rate, a mean has none.",
         },

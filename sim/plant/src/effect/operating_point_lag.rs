@@ -1,6 +1,6 @@
 //! The time constant is that of the speed of the moment.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::{Motion, RotorTerm};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
@@ -39,10 +39,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "asymmetric_lag",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: the difference between rising and falling steps halves, that of unequal lags stays.",
         },
         Confusion {
             with: "quadratic_thrust",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase: the static map is straight where only the pole moves.",
         },
     ],

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 
 /// A first-order lag whose gain or time constant is not the model's.
 pub static KIND: Kind = Kind {
@@ -23,10 +23,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "second_pole",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to ten times the pole: one lag ends at 90 degrees, two go on to 180.",
         },
         Confusion {
             with: "supply_sag",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Excite down to a hundredth of the pole, or log the voltage: a wrong gain stays the same down to \
                          standstill.",
         },

@@ -1,6 +1,6 @@
 //! Curvature of steady thrust against command.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::RotorTerm;
 
 /// A parabola in place of the straight line.
@@ -36,14 +36,17 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "operating_point_lag",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase around the nominal command: curvature stays however slow it is, a moving pole goes.",
         },
         Confusion {
             with: "asymmetric_lag",
+            recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: even lines of curvature fall to a quarter, those of unequal lags to a half.",
         },
         Confusion {
             with: "saturation",
+            recipe: &Recipe::LOWERED,
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },
     ],

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
@@ -33,11 +33,13 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "slew_limit",
+            recipe: &Recipe::AMPLITUDES,
             experiment: "Sweep the amplitude at one frequency, then the frequency at one amplitude: clipping does not depend on \
                          the frequency.",
         },
         Confusion {
             with: "quadratic_thrust",
+            recipe: &Recipe::LOWERED,
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },
     ],

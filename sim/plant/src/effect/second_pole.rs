@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -30,11 +30,17 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "transport_delay",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to 1 / (2 pi time_constant_s): the magnitude is 3 dB down there, which a delay does not do.",
         },
-        Confusion { with: "slew_limit", experiment: "Halve the amplitude: a pole stays where it is." },
+        Confusion {
+            with: "slew_limit",
+            recipe: &Recipe::AMPLITUDES,
+            experiment: "Halve the amplitude: a pole stays where it is.",
+        },
         Confusion {
             with: "parameter_error",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to ten times the pole: one lag ends at 90 degrees, two go on to 180.",
         },
     ],

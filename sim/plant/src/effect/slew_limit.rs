@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate.
@@ -29,10 +29,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "saturation",
+            recipe: &Recipe::AMPLITUDES,
             experiment: "Sweep the frequency at one amplitude: a limit of the rate acts only above a frequency.",
         },
         Confusion {
             with: "second_pole",
+            recipe: &Recipe::AMPLITUDES,
             experiment: "Halve the amplitude: a pole stays, a limit of the rate moves up by an octave or goes.",
         },
     ],

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -30,10 +30,12 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "second_pole",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite across the suspected frequency in steps of a tenth of its width: a pole has no peak.",
         },
         Confusion {
             with: "inflow_lead",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "A hammer on the stand with the motor off shows the mode, and not the air.",
         },
     ],

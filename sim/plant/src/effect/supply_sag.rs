@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::filter::FORGOTTEN;
 use crate::{Motion, RotorBase, RotorTerm, Supply};
 
@@ -57,18 +57,25 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "gain_drift",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage, or repeat the same record: drift goes on from period to period, sag repeats.",
         },
         Confusion {
             with: "inflow_lead",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Excite from 0.05 Hz: the step of the gain lies below a few hertz for sag, above ten for inflow. A bench \
                          supply in place of the battery removes sag.",
         },
         Confusion {
             with: "winding_heating",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage: it falls with a sag, and not where the windings heat.",
         },
-        Confusion { with: "parameter_error", experiment: "Log the voltage: a wrong gain leaves it alone." },
+        Confusion {
+            with: "parameter_error",
+            recipe: &Recipe::LONG_LOADS,
+            experiment: "Log the voltage: a wrong gain leaves it alone.",
+        },
     ],
     remedy: "record with the battery that flies: one of less resistance sags less. Let the flight controller scale its commands by the \
              voltage (Betaflight `vbat_sag_compensation`, PX4 `MC_BAT_SCALE_EN`, ArduPilot `MOT_BAT_VOLT_MAX`)",

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::TransportDelay;
 
 /// A delay beyond that of the model's points.
@@ -20,15 +20,18 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "esc_frame_hold",
+            recipe: &Recipe::OTHER_FRAMES,
             experiment: "Change the frame rate: half a frame of delay goes with it. Excite near half the frame rate: only a \
                          hold droops and has images.",
         },
         Confusion {
             with: "second_pole",
+            recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to the corner of the suspected pole: it loses 3 dB there, a delay nothing.",
         },
         Confusion {
             with: "clock_skew",
+            recipe: &Recipe::LONG,
             experiment: "Compare early and late periods of a long record: the phase of a delay stays.",
         },
     ],

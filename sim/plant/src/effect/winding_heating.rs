@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::supply_sag::{HOVER, speed_at_rest};
-use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::filter::FORGOTTEN;
 use crate::{Motion, RotorBase, RotorTerm};
 
@@ -33,15 +33,18 @@ pub static KIND: Kind = Kind {
     confusions: &[
         Confusion {
             with: "supply_sag",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage: it creeps with the polarization of a battery, and not with the windings.",
         },
         Confusion {
             with: "gain_drift",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "Hold a low level for long before and after a high one: drift keeps to the clock, heat comes with the load \
                          and goes with it.",
         },
         Confusion {
             with: "quadratic_thrust",
+            recipe: &Recipe::LONG_LOADS,
             experiment: "A staircase up and down again: curvature is the same both ways, heat is not.",
         },
     ],
