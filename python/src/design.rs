@@ -7,7 +7,7 @@ use miette::WrapErr as _;
 use numpy::{Complex64, IntoPyArray as _, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rotorlead_identify::design::{Latency, Setting};
+use rotorlead_design::{Latency, Setting};
 use rotorlead_plant::CompensatorDesign;
 use rotorlead_records::files::{Fault, Place, check_writable};
 use rotorlead_results::{DesignRequest, Kind};

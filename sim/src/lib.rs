@@ -10,7 +10,7 @@
 //! The paper's actuators on a simulated stand, from records to bandwidths:
 //!
 //! ```
-//! use rotorlead_identify::design::{Chain, DesignOptions, bandwidths};
+//! use rotorlead_design::{Chain, DesignOptions, bandwidths};
 //! use rotorlead_plant::bench::{Plan, run};
 //! use rotorlead_results::paper::table_1;
 //! use rotorlead_sim::{IdentifyOptions, design, identify};
@@ -37,7 +37,7 @@
 
 pub use rotorlead::compensator::Compensator;
 pub use rotorlead_diagnose::{Diagnosis, diagnose};
-pub use rotorlead_identify::design::design;
+pub use rotorlead_design::design;
 pub use rotorlead_identify::{Estimate, Identification, IdentifyOptions, identify, validate};
 pub use rotorlead_plant::{Effect, Model, simulate};
 pub use rotorlead_records::{Experiment, Record};

@@ -7,7 +7,7 @@ use rotorlead::capture::{Reading, Signal};
 use rotorlead::controller::{Control, FrameAction, FramePacer, Frames, InputPulse, OutputPlan, Plan};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
-use rotorlead_identify::design::Latency as ModelLatency;
+use rotorlead_design::Latency as ModelLatency;
 
 /// Mean, longest and standard deviation, milliseconds.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use host_tests::{OMEGA_G_RAD_S, TABLE_1, paper_design};
 use rotorlead::design::LeadParameters;
-use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_design::{Chain, DesignOptions, bandwidths, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
 };

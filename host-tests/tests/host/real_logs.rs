@@ -4,7 +4,7 @@
 
 use host_tests::real_log;
 use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
-use rotorlead_identify::design::{
+use rotorlead_design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Setting, bandwidths, design, design_inverse,
 };
 use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};

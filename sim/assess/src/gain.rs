@@ -1,6 +1,6 @@
 //! What takes away what a lead gains on a model.
 
-use rotorlead_identify::design::{Chain, ChainPhase, DesignOptions, Latency, bandwidths_with, chain_phases, design};
+use rotorlead_design::{Chain, ChainPhase, DesignOptions, Latency, bandwidths_with, chain_phases, design};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 
 use crate::remedy;

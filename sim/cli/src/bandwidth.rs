@@ -6,7 +6,7 @@ use clap::Args;
 use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
 use rotorlead_answer::{Fact, Report};
-use rotorlead_identify::design::{Chain, steps};
+use rotorlead_design::{Chain, steps};
 use rotorlead_identify::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;

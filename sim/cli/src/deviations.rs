@@ -1,7 +1,7 @@
 //! `--robustness` of `rotorlead bandwidth`: compensators on actuators that differ from their model.
 
 use rayon::prelude::*;
-use rotorlead_identify::design::{DEVIATIONS, DesignOptions, design, robustness};
+use rotorlead_design::{DEVIATIONS, DesignOptions, design, robustness};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 use rotorlead_results::DeviatingActuator;
 

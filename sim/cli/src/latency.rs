@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead::settings::{Pulse, PulseProtocol};
-use rotorlead_identify::design::{Latency, STANDARD_FRAMES_HZ};
+use rotorlead_design::{Latency, STANDARD_FRAMES_HZ};
 
 use super::WrongUse;
 

@@ -1,7 +1,7 @@
 //! Options that several commands share, and what their values may be.
 
 use clap::{Args, ValueEnum};
-use rotorlead_identify::design::Setting;
+use rotorlead_design::Setting;
 use rotorlead_records::files::Quantity;
 use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;

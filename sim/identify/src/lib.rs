@@ -5,7 +5,6 @@ pub mod alignment;
 mod bandwidth;
 mod broadband;
 pub mod check;
-pub mod design;
 mod distortion;
 mod effects;
 mod error;

@@ -1,7 +1,7 @@
 //! The latency of a controller.
 
 use rotorlead::settings::{Pulse, PulseProtocol};
-use rotorlead_identify::design::{Chain, ChainPhase, Latency};
+use rotorlead_design::{Chain, ChainPhase, Latency};
 use serde_json::{Value, json};
 
 /// A protocol as the settings of a controller name it.

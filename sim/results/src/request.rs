@@ -2,8 +2,8 @@
 
 use miette::Diagnostic;
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
-use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{CompensatorError, DesignOptions, InverseOptions, Latency, Setting, design};
+use rotorlead_design::redesign::KindOptions;
+use rotorlead_design::{CompensatorError, DesignOptions, InverseOptions, Latency, Setting, design};
 use rotorlead_plant::{Judgement, Model, PlantError};
 use rotorlead_records::Finding;
 use rotorlead_vehicle::{ActuatorKind, Asked, Choice, Purpose, Recommendation, VehicleError, recommend};

@@ -2,8 +2,8 @@
 
 use rotorlead_diagnose::{Options, Verdict, diagnose};
 use rotorlead_identify::Bandwidth;
-use rotorlead_identify::design::redesign::{KindOptions, Redesign, RedesignOptions, redesign};
-use rotorlead_identify::design::{Chain, DesignOptions, InverseOptions, bandwidths, design, steps};
+use rotorlead_design::redesign::{KindOptions, Redesign, RedesignOptions, redesign};
+use rotorlead_design::{Chain, DesignOptions, InverseOptions, bandwidths, design, steps};
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
 

@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead::compensator::Compensator;
 use rotorlead::throttle::Command;
-use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
+use rotorlead_design::{DesignOptions, InverseOptions, design, design_inverse};
 use rotorlead_plant::{CompensatorDesign, Model};
 use serde::Serialize;
 

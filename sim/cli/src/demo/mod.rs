@@ -13,7 +13,7 @@ use miette::IntoDiagnostic as _;
 use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use rotorlead_answer::{Answer, Color, Figure, FigureKind, Mark, Report, Section};
-use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
+use rotorlead_design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
     PeriodicOptions, RecordValidation, bandwidth_of, identify_periodic, validate,
@@ -162,7 +162,7 @@ impl Demo {
         let measured = measured(&actuators, &compensated_plan, &compensator, &before, &after)?;
         let of_records = [before, after].concat();
         // The paper's own simulation: the lags of Table 1 and the compensator that they give.
-        let papers_design = rotorlead_identify::design::design(&actuators, &DesignOptions::default())?;
+        let papers_design = rotorlead_design::design(&actuators, &DesignOptions::default())?;
         let papers_chain = Chain::Continuous(papers_design.lead());
         let latency = Latency::standard(papers_design.loop_rate_hz());
         let mut simulated = BandwidthResult::of(&actuators, papers_chain, latency)?;

@@ -48,7 +48,7 @@ fn filtered(record: &Record, rate_hz: f64, mut filter: impl FnMut(f64) -> f64) -
 
 #[cfg(test)]
 mod tests {
-    use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
+    use rotorlead_design::{DesignOptions, InverseOptions, design, design_inverse};
     use rotorlead_identify::testing::{experiment, record};
     use rotorlead_plant::testing::table_1;
     use rotorlead_records::files::testing::Scratch;

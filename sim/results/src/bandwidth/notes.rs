@@ -1,7 +1,7 @@
 //! What predicted bandwidths and phases count.
 
 use rotorlead::settings::Pulse;
-use rotorlead_identify::design::{Chain, FrameStart};
+use rotorlead_design::{Chain, FrameStart};
 use rotorlead_numerics::sample::extent;
 use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::Linearity;

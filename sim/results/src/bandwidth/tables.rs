@@ -1,7 +1,7 @@
 //! The tables of bandwidths, and what programs read of them.
 
 use rotorlead_answer::{Cell, Datum, Table, Typed, Unit, table_of};
-use rotorlead_identify::design::{BandwidthPoint, ChainPhase, Robustness, StepPoint};
+use rotorlead_design::{BandwidthPoint, ChainPhase, Robustness, StepPoint};
 use rotorlead_identify::{Bandwidth, MeasuredBandwidth};
 use serde::Serialize;
 

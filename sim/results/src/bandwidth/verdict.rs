@@ -1,7 +1,7 @@
 //! What bandwidths come to, in sentences.
 
 use rotorlead_answer::{Tone, Verdict};
-use rotorlead_identify::design::BandwidthPoint;
+use rotorlead_design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
 use rotorlead_numerics::sample::extent;
 

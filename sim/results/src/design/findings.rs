@@ -1,7 +1,7 @@
 //! What is to be known of a compensator before it flies.
 
 use rotorlead_assess::dead_time_remedy;
-use rotorlead_identify::design::{BandwidthPoint, ChainPhase, DesignedInverse, REACH};
+use rotorlead_design::{BandwidthPoint, ChainPhase, DesignedInverse, REACH};
 use rotorlead_plant::{CompensatorDesign, CompensatorProvenance, Model, Word};
 use rotorlead_records::Finding;
 

@@ -8,8 +8,8 @@ pub use findings::{judged, of_another_model};
 pub use tables::{design_section, in_short};
 
 use rotorlead_answer::{Answer, Tone, Verdict};
-use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{
+use rotorlead_design::redesign::KindOptions;
+use rotorlead_design::{
     Chain, CompensatorError, DesignedInverse, Latency, MOST_OVER_REFERENCE, Setting, design, design_inverse,
 };
 use rotorlead_plant::{CompensatorDesign, Model};

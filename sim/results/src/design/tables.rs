@@ -2,7 +2,7 @@
 
 use rotorlead::design::{CurvePoint, LeadDesign};
 use rotorlead_answer::{Cell, Column, Section, Table};
-use rotorlead_identify::design::Chain;
+use rotorlead_design::Chain;
 use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, FilterDesign, InverseCompensator, Model, Point};
 
 use crate::figures::compensation::{compensator, simulated};

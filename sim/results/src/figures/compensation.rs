@@ -2,8 +2,8 @@
 
 use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_identify::design::redesign::Compensated;
-use rotorlead_identify::design::{BandwidthPoint, Chain};
+use rotorlead_design::redesign::Compensated;
+use rotorlead_design::{BandwidthPoint, Chain};
 use rotorlead_identify::{Bandwidth, MeasuredBandwidth, NominalIdentification, RecordResponse, THREE_DB};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 
@@ -241,7 +241,7 @@ pub fn redesigned(compensated: &Compensated, amplitude: f64) -> Option<Figure> {
 
 #[cfg(test)]
 mod tests {
-    use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
+    use rotorlead_design::{DesignOptions, InverseOptions, design, design_inverse};
 
     use super::*;
     use crate::paper::table_1;
@@ -255,7 +255,7 @@ mod tests {
             figure.panels.iter().flat_map(|panel| &panel.series).map(|series| series.color).collect()
         };
         for (design, color_of_kind) in [(&lead, Color::Vermilion), (&inverse, Color::Blue)] {
-            let points = rotorlead_identify::design::bandwidths(&model, Chain::Designed(design));
+            let points = rotorlead_design::bandwidths(&model, Chain::Designed(design));
             let figure = bandwidths(&points, &[], color(Some(design))).unwrap();
             assert_eq!(colors(figure), [Color::Gray, color_of_kind]);
         }

@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rotorlead_plant::{ActiveEffect, Model, OperatingPoint, Point, hold_delay_s};
 
 use super::{BandwidthPoint, Chain, FrameStart, Latency};
-use crate::{Bandwidth, first_frequency};
+use rotorlead_identify::{Bandwidth, first_frequency};
 
 /// The phase of one chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,7 +133,7 @@ mod tests {
     use rotorlead_plant::{Catalog, CompensatorDesign, Effect, hold_response};
 
     use super::*;
-    use crate::design::{DesignOptions, bandwidths, bandwidths_with, design};
+    use crate::{DesignOptions, bandwidths, bandwidths_with, design};
 
     fn close(a: f64, b: f64, tolerance: f64) {
         assert!((a - b).abs() < tolerance, "{a} is not {b}");

@@ -43,7 +43,7 @@ impl Default for DesignOptions {
 /// # Examples
 ///
 /// ```
-/// use rotorlead_identify::design::{DesignOptions, design};
+/// use rotorlead_design::{DesignOptions, design};
 /// use rotorlead_plant::Model;
 ///
 /// let motor: Model = toml::from_str("

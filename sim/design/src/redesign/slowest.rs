@@ -5,7 +5,7 @@
 
 use rotorlead_plant::Model;
 
-use crate::design::inverse::STANDARD_ERRORS;
+use crate::inverse::STANDARD_ERRORS;
 
 /// `model` with each time constant at the upper end of its 95 % interval, and each direction of an unequal lag as far from the other as
 /// the records allow; `None` where nothing is known of that.

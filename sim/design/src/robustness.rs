@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::redesign::sweep::Sweep;
 use super::steps::steps_at;
-use crate::Bandwidth;
+use rotorlead_identify::Bandwidth;
 
 /// Amplitude of the sinusoids: small signals, which meet no limit.
 const AMPLITUDE: f64 = 0.005;

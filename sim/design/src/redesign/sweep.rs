@@ -9,7 +9,7 @@ use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, FilterDesign, Law, Model, PlantError};
 use serde::Serialize;
 
-use crate::{Bandwidth, THREE_DB};
+use rotorlead_identify::{Bandwidth, THREE_DB};
 
 /// The search begins at this part of the pole and goes on by this factor, then halves the bracket so many times.
 const FIRST_OF_POLE: f64 = 0.1;
@@ -29,7 +29,7 @@ const ROWS_PER_PERIOD: f64 = 40.0;
 
 /// One nominal command, driven by sinusoids.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::design) struct Sweep<'a> {
+pub(crate) struct Sweep<'a> {
     /// What is driven, with its effects.
     pub model: &'a Model,
     /// The filter, and its loop's rate.
@@ -59,7 +59,7 @@ pub struct ChainBandwidth {
 
 /// Both bandwidths, and the largest response over the static one on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::design) struct Swept {
+pub(crate) struct Swept {
     pub bandwidth: ChainBandwidth,
     pub peak: f64,
 }

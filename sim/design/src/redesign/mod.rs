@@ -24,7 +24,7 @@ use sweep::Sweep;
 use super::{
     BandwidthPoint, Chain, CompensatorError, DesignOptions, InverseOptions, bandwidths_with, design, design_inverse,
 };
-use crate::Bandwidth;
+use rotorlead_identify::Bandwidth;
 
 /// Amplitude of the paper's experiments.
 pub const PAPER_AMPLITUDE: f64 = 0.05;

@@ -1,4 +1,8 @@
 //! Compensators from models, the bandwidths that they give, and how late the whole chain is.
+//!
+//! In: a [`Model`](rotorlead_plant::Model), which `rotorlead-identify` makes or a file gives. Out: the numbers of a compensator
+//! ([`design`] for a lead, [`design_inverse`] for an inverse), and what it does to bandwidth, phase, steps and delay. Source: C(s) of
+//! the paper for the lead, `docs/design.md` for the inverse.
 
 mod bandwidths;
 mod error;
