@@ -20,8 +20,8 @@ use rotorlead::link::{
 use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
 use rotorlead_cli::Arguments;
-use rotorlead_device::{entries, path, set};
 use rotorlead_design::{DesignOptions, InverseOptions, design, design_inverse};
+use rotorlead_device::{entries, path, set};
 use rotorlead_plant::bench::{BenchError, Plan, run_through};
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model};
 use rotorlead_records::{Excitation, Experiment, Output, Role};

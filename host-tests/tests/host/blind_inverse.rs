@@ -10,9 +10,9 @@ use blind_cases::motor::Point;
 use blind_cases::path::{Timing, means, pieces};
 use blind_cases::setup::Setup;
 use rotorlead::throttle::Command;
-use rotorlead_diagnose::{Options, diagnose};
 use rotorlead_design::redesign::{KindOptions, RedesignOptions, redesign};
 use rotorlead_design::{InverseOptions, MOST_OVER_REFERENCE, steps};
+use rotorlead_diagnose::{Options, diagnose};
 use rotorlead_plant::{Catalog, CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 

@@ -3,10 +3,10 @@
 //! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
 use host_tests::real_log;
-use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
 use rotorlead_design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Setting, bandwidths, design, design_inverse,
 };
+use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
 use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
 use rotorlead_identify::steps::{
     Direction, LawComparison, StaircaseFit, StepFault, StepsWarning, compare_laws, fit_staircase,

@@ -5,6 +5,7 @@
 //! are in `docs/judgement.md`.
 
 mod comparison;
+pub mod fleet;
 mod gain;
 mod other_output;
 mod ramp;

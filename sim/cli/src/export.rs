@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use rotorlead_identify::stack_parameters::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
+use rotorlead_export::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
 use rotorlead_plant::Model;
 use rotorlead_records::files::Quantity;
 use rotorlead_records::{Experiment, Finding};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rotorlead_answer::Report;
-use rotorlead_identify::fleet::{Log, LogPoint, Quantity, compare};
+use rotorlead_assess::fleet::{Log, LogPoint, Quantity, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};

@@ -1,7 +1,7 @@
 //! Many logs side by side.
 
 use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, table_of};
-use rotorlead_identify::fleet::{Comparison, LogDeviation, MotorDeviation, share};
+use rotorlead_assess::fleet::{Comparison, LogDeviation, MotorDeviation, share};
 use rotorlead_records::Output;
 use serde_json::{Value, json};
 

@@ -2,8 +2,8 @@
 
 use miette::Diagnostic as _;
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
-use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
+use rotorlead_diagnose::{Diagnosis, Verdict};
 use serde_json::json;
 
 use crate::bandwidth::{bandwidth_cell, bandwidth_text};

@@ -1,9 +1,9 @@
 //! A compensator for an actuator with effects.
 
-use rotorlead_diagnose::{Options, Verdict, diagnose};
-use rotorlead_identify::Bandwidth;
 use rotorlead_design::redesign::{KindOptions, Redesign, RedesignOptions, redesign};
 use rotorlead_design::{Chain, DesignOptions, InverseOptions, bandwidths, design, steps};
+use rotorlead_diagnose::{Options, Verdict, diagnose};
+use rotorlead_identify::Bandwidth;
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
 

@@ -6,11 +6,11 @@
 use num_complex::Complex64;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead::design::LeadParameters;
-use rotorlead_identify::Bandwidth;
 use rotorlead_design::redesign::KindOptions;
 use rotorlead_design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths, chain_phases, design, design_inverse,
 };
+use rotorlead_identify::Bandwidth;
 use rotorlead_plant::{CompensatorDesign, Model, Point};
 use serde::Serialize;
 

@@ -1,9 +1,7 @@
 //! The conditioned inverse on the same actuators: what goes beyond the paper.
 
 use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Series, Table};
-use rotorlead_design::{
-    BandwidthPoint, Chain, InverseOptions, StepPoint, Stepped, bandwidths, design_inverse, steps,
-};
+use rotorlead_design::{BandwidthPoint, Chain, InverseOptions, StepPoint, Stepped, bandwidths, design_inverse, steps};
 use rotorlead_identify::{EtfeBandwidth, PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::Plan;
 use rotorlead_plant::{CompensatorDesign, Model};
@@ -89,8 +87,7 @@ impl InverseDemonstration {
     pub(super) fn table(&self) -> Table {
         let up = |steps: &[StepPoint], nominal: f64| {
             let point = steps.iter().find(|point| point.nominal == nominal && point.step > 0.0).copied();
-            let rise_ms =
-                |response: rotorlead_design::StepResponse| response.rise_s.map(|rise_s| 1e3 * rise_s);
+            let rise_ms = |response: rotorlead_design::StepResponse| response.rise_s.map(|rise_s| 1e3 * rise_s);
             (point.and_then(|point| rise_ms(point.uncompensated)), point.and_then(|point| rise_ms(point.compensated)))
         };
         let row = |(simulated, measured): (&BandwidthPoint, &EtfeBandwidth)| {

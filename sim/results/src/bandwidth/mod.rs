@@ -8,9 +8,7 @@ pub use tables::{DeviatingActuator, bandwidth_cell, bandwidth_text};
 pub use verdict::{bandwidth_range, predicted_bandwidth};
 
 use rotorlead_answer::{Answer, Section, Table, Verdict};
-use rotorlead_design::{
-    BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases,
-};
+use rotorlead_design::{BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases};
 use rotorlead_identify::{IdentifyError, MeasuredBandwidth, NominalIdentification, PeriodicIdentification};
 use rotorlead_plant::effect::Linearity;
 use rotorlead_plant::{ActiveEffect, Model, PlantError};

@@ -7,7 +7,7 @@ use rotorlead_plant::{Lag as PointLag, Point, Provenance, StaticMap, TimeConstan
 use rotorlead_records::{Excitation, Output};
 
 use super::*;
-use crate::testing;
+use rotorlead_identify::testing;
 
 const RANGE: (f64, f64) = (0.15, 0.95);
 

@@ -3,7 +3,7 @@
 use rotorlead_numerics::least_squares::{Limits, Residuals, minimize};
 
 use super::law::ThrustLaw;
-use crate::Estimate;
+use rotorlead_identify::Estimate;
 
 /// A law's parameter as a map tells it.
 #[derive(Clone, Copy, Debug, PartialEq)]

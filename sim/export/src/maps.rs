@@ -3,7 +3,7 @@
 use rotorlead_plant::{MapPolynomial, Model, StaticMap};
 use rotorlead_records::{Experiment, Output};
 
-use crate::static_map::{SteadyPoints, SteadySource, fit_static_map};
+use rotorlead_identify::static_map::{SteadyPoints, SteadySource, fit_static_map};
 
 /// A level this close to an end of the motor output is that end: 5 us of a pulse's 1000. A thrust that goes with the
 /// square of the command differs by 1 % there.
