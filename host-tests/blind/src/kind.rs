@@ -182,7 +182,7 @@ impl Kind {
             }
             ClockSkew => const { &[unsigned(Parameter::log("skew_ppm", 10.0, 2000.0))] },
             // From telemetry that takes the mean of two rows to a scale that takes that of many.
-            MovingAverage => const { &[Parameter::log("window_s", 2e-3, 0.2)] },
+            MovingAverage => const { &[Parameter::log("window_s", 3e-3, 0.2)] },
         }
     }
 

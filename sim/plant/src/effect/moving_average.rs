@@ -14,9 +14,10 @@ pub static KIND: Kind = Kind {
     site: Site::Sensor,
     equation: "(1 - e^(-s T)) / (s T), T = window_s: the mean over the last T seconds; a second mean over taper T behind it",
     parameters: &[
+        // A load cell's converter gives a reading every 3 ms at the most (NAU7802): what is shorter is a delay by all that records show.
         Parameter::fitted("window_s", "s", "how long is averaged")
             .possible(0.0, 10.0)
-            .log(5e-4, 0.25, &[1e-3, 3e-3, 0.01, 0.03, 0.08, 0.2])
+            .log(3e-3, 0.25, &[4e-3, 0.01, 0.03, 0.08, 0.2])
             .smooth(),
         // Both means together weight the past by a trapezoid that is as wide at half its height, and at 1 by a triangle.
         Parameter::fitted("taper", "", "for how long the weights rise, and fall, over the window")
@@ -50,6 +51,7 @@ pub static KIND: Kind = Kind {
              what a compensator would gain on it is lost in flight",
     sources: &[
         "Smith, The Scientist and Engineer's Guide to Digital Signal Processing, ch. 15: moving average filters",
+        "Nuvoton, NAU7802 data sheet: a load cell is read 10 to 320 times a second",
         "Avia Semiconductor, HX711 data sheet: a load cell is read 10 or 80 times a second; firmware of cheap stands takes the mean of \
          4 to 16 readings",
     ],
@@ -79,27 +81,28 @@ fn mean_of_turns(half: f64) -> Complex64 {
 /// both are exact.
 struct Mean {
     window_s: f64,
-    /// What was in the last `window_s`, each interval with its begin at 0.
-    past: VecDeque<Interval>,
+    /// What was in the last `window_s`, each interval with its begin at 0, and its area.
+    past: VecDeque<(Interval, f64)>,
     /// How much of the first of them has left the window.
     gone_s: f64,
+    /// The input a window ago.
+    oldest: f64,
     area: f64,
 }
 
 impl Mean {
     fn over(window_s: f64) -> Self {
-        Self { window_s, past: VecDeque::new(), gone_s: 0.0, area: 0.0 }
+        Self { window_s, past: VecDeque::new(), gone_s: 0.0, oldest: f64::NAN, area: 0.0 }
     }
 
     /// The mean and its slope, where the input is now `input`.
     fn output(&self, input: f64) -> (f64, f64) {
-        let oldest = self.past.front().map_or(f64::NAN, |first| first.at(self.gone_s));
-        (self.area / self.window_s, (input - oldest) / self.window_s)
+        (self.area / self.window_s, (input - self.oldest) / self.window_s)
     }
 
     /// In what time the next interval begins to leave the window.
     fn until_next_s(&self) -> f64 {
-        self.past.front().map_or(0.0, |first| first.duration_s - self.gone_s)
+        self.past.front().map_or(0.0, |(first, _)| first.duration_s - self.gone_s)
     }
 
     /// Puts the last `parts` together to the interval that they are of, where it is under the window as a whole: its own cuts would cut what
@@ -107,34 +110,45 @@ impl Mean {
     fn join(&mut self, parts: usize, whole: &Interval) {
         if let Some(before) = self.past.len().checked_sub(parts).filter(|before| *before > 0) {
             self.past.truncate(before);
-            self.past.push_back(Interval { from_s: 0.0, ..*whole });
+            self.past.push_back((Interval { from_s: 0.0, ..*whole }, area_of(whole)));
         }
     }
 
     /// The area of what leaves the window in `duration_s`.
     fn leave(&mut self, duration_s: f64) -> f64 {
-        let (mut area, mut rest_s) = (0.0, duration_s);
-        while let Some(first) = self.past.front() {
-            let left_s = first.duration_s - self.gone_s;
-            if rest_s < left_s || self.past.len() == 1 {
-                area += area_of(first, self.gone_s, rest_s);
-                self.gone_s += rest_s;
-                break;
-            }
-            area += area_of(first, self.gone_s, left_s);
-            rest_s -= left_s;
-            self.gone_s = 0.0;
+        // What of the first interval is gone already is counted again with all of it.
+        let mut area = -self.past.front().map_or(0.0, |(first, _)| area_until(first, self.gone_s));
+        self.gone_s += duration_s;
+        while let Some((first, whole)) = self.past.front().filter(|_| self.past.len() > 1)
+            && self.gone_s >= first.duration_s
+        {
+            area += whole;
+            self.gone_s -= first.duration_s;
             self.past.pop_front();
+        }
+        if let Some((first, _)) = self.past.front() {
+            area += area_until(first, self.gone_s);
+            self.oldest = first.at(self.gone_s);
         }
         area
     }
 }
 
-/// The area under a part of an interval that begins at 0: of a cubic two readings tell it (Gauss and Legendre).
-fn area_of(interval: &Interval, from_s: f64, duration_s: f64) -> f64 {
-    let (half_s, middle_s) = (0.5 * duration_s, from_s + 0.5 * duration_s);
-    let off_s = half_s / 3.0_f64.sqrt();
-    half_s * (interval.at(middle_s - off_s) + interval.at(middle_s + off_s))
+/// The area under an interval: of a cubic its ends and its slopes there tell it.
+fn area_of(interval: &Interval) -> f64 {
+    let Interval { duration_s, start, end, start_slope, end_slope, .. } = *interval;
+    0.5 * duration_s * (start + end + duration_s * (start_slope - end_slope) / 6.0)
+}
+
+/// The area under an interval from its begin until `moment_s` later.
+fn area_until(interval: &Interval, moment_s: f64) -> f64 {
+    let Interval { duration_s, start, end, start_slope, end_slope, .. } = *interval;
+    let part = moment_s / duration_s;
+    let at_end = part.powi(3) * (1.0 - 0.5 * part);
+    let from_start = part * part * (0.5 + part * (0.25 * part - 2.0 / 3.0));
+    let from_end = part.powi(3) * (0.25 * part - 1.0 / 3.0);
+    duration_s
+        * (start * (part - at_end) + end * at_end + duration_s * (start_slope * from_start + end_slope * from_end))
 }
 
 impl ResponseStage for Mean {
@@ -148,16 +162,17 @@ impl ResponseStage for Mean {
             end_slope: 0.0,
         };
         self.past.clear();
-        self.past.push_back(still);
-        (self.gone_s, self.area) = (0.0, level * self.window_s);
+        self.past.push_back((still, level * self.window_s));
+        (self.gone_s, self.oldest, self.area) = (0.0, level, level * self.window_s);
         level
     }
 
     fn advance(&mut self, signal: &mut Interval) {
         let input = Interval { from_s: 0.0, ..*signal };
         (signal.start, signal.start_slope) = self.output(input.start);
-        self.past.push_back(input);
-        self.area += area_of(&input, 0.0, input.duration_s) - self.leave(input.duration_s);
+        let area = area_of(&input);
+        self.past.push_back((input, area));
+        self.area += area - self.leave(input.duration_s);
         (signal.end, signal.end_slope) = self.output(input.end);
     }
 
