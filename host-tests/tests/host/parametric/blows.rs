@@ -27,7 +27,7 @@ fn truth() -> TransferFunction {
         [root, root.conj()]
     };
     let poles = [pair(ROOTS[0]), pair(ROOTS[1])].concat();
-    TransferFunction { gain: 1.0, poles, zeros: pair(ROOTS[2]).to_vec(), delay_s: 0.0 }
+    TransferFunction { gain: 1.0, poles, zeros: pair(ROOTS[2]).to_vec() }
 }
 
 fn force() -> Vec<f64> {

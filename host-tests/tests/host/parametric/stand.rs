@@ -22,7 +22,7 @@ fn stand(scale: f64) -> TransferFunction {
             })
             .collect::<Vec<_>>()
     };
-    TransferFunction { gain: 1.0, poles: roots(&POLES), zeros: roots(&ZEROS), delay_s: 0.0 }
+    TransferFunction { gain: 1.0, poles: roots(&POLES), zeros: roots(&ZEROS) }
 }
 
 /// Where the response is first 3 dB off, hertz, on a grid of 0.01 Hz.

@@ -1,4 +1,4 @@
-//! The lines as the fit sees them: checked, weighted, with the known factor beside them.
+//! The lines as the fit sees them: checked and weighted.
 
 use num_complex::Complex64;
 
@@ -12,13 +12,11 @@ pub(super) struct Data {
     pub(super) response: Vec<Complex64>,
     /// One over the noise's standard deviation.
     pub(super) weight: Vec<f64>,
-    /// The known factor `H`.
-    pub(super) known: Vec<Complex64>,
 }
 
 impl Data {
-    /// Checks `response` and evaluates the known factor on its lines.
-    pub(super) fn new(response: &FrequencyResponse, known: &dyn Fn(f64) -> Complex64) -> Result<Self, ParametricError> {
+    /// Checks `response`.
+    pub(super) fn new(response: &FrequencyResponse) -> Result<Self, ParametricError> {
         // Below three, weights from the samples have no finite variance (Pintelon & Schoukens, 2012, section 12.3).
         let degrees_of_freedom = response.degrees_of_freedom;
         if degrees_of_freedom.is_nan() || degrees_of_freedom < 3.0 {
@@ -27,12 +25,11 @@ impl Data {
         let largest = response.lines.iter().map(|line| line.response.norm()).fold(0.0, f64::max);
         // Lines without noise get the rounding error as their noise.
         let floor = (1e-8 * largest).powi(2);
-        let mut data = Self { omega_rad_s: vec![], response: vec![], weight: vec![], known: vec![] };
+        let mut data = Self { omega_rad_s: vec![], response: vec![], weight: vec![] };
         let mut last = 0.0;
         for line in &response.lines {
             let omega_rad_s = line.omega_rad_s;
             let bad = |what| Err(ParametricError::Line { omega_rad_s, what });
-            let factor = known(omega_rad_s);
             if !(omega_rad_s > last && omega_rad_s.is_finite()) {
                 return bad("not above the one before it");
             }
@@ -42,14 +39,10 @@ impl Data {
             if !(line.variance >= 0.0 && line.variance.is_finite()) || largest == 0.0 {
                 return bad("without a usable variance");
             }
-            if !(factor.is_finite() && factor.norm() > 0.0) {
-                return bad("where the known factor is zero or not a number");
-            }
             last = omega_rad_s;
             data.omega_rad_s.push(omega_rad_s);
             data.response.push(line.response);
             data.weight.push(line.variance.max(floor).sqrt().recip());
-            data.known.push(factor);
         }
         Ok(data)
     }
@@ -72,7 +65,6 @@ impl Data {
             omega_rad_s: pick(&self.omega_rad_s, remainder),
             response: pick(&self.response, remainder),
             weight: pick(&self.weight, remainder),
-            known: pick(&self.known, remainder),
         }
     }
 }

@@ -42,17 +42,6 @@ pub enum ParametricError {
         /// Degrees of freedom (of complex samples) behind each variance.
         degrees_of_freedom: f64,
     },
-    /// A setting is outside its range.
-    #[error("{name} is {value}, outside {range}")]
-    #[diagnostic(help("choose {name} within {range}"))]
-    Setting {
-        /// The setting.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
     /// The search ended nowhere.
     #[error("no model of {poles} poles and {zeros} zeros was found: {reason}")]
     #[diagnostic(help("choose a lower order, or check that input and output belong together"))]

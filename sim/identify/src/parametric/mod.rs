@@ -1,10 +1,10 @@
 //! Maximum-likelihood fit of rational transfer functions to frequency responses.
 //!
 //! ```text
-//! G(j w) = H(j w) K B(j w) / A(j w) e^(-j w Td)
+//! G(j w) = K B(j w) / A(j w)
 //! ```
 //!
-//! with `H` known (holds, a filter, a stand), `A` and `B` polynomials with constant term one, in continuous time. The
+//! with `A` and `B` polynomials with constant term one, in continuous time, and the poles in the left half plane. The
 //! input is known, and the noise of the lines is circular complex normal and independent. The likelihood is then largest
 //! where `sum |G_k - G(j w_k)|^2 / sigma_k^2` is smallest (Pintelon & Schoukens, *System Identification*, 2nd ed., 2012,
 //! section 9.11), with sample variances in place of `sigma_k^2` (section 12.3 and `identify::uncertainty`).
@@ -27,7 +27,7 @@ mod structure;
 mod tests;
 mod transfer_function;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use num_complex::Complex64;
 
 use self::data::Data;
@@ -41,39 +41,6 @@ pub use root::Root;
 pub use structure::{MOST_POLES, Structure};
 pub use transfer_function::TransferFunction;
 
-/// What is done about poles in the right half plane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum UnstablePoles {
-    /// They are kept where the likelihood puts them, and reported: [`TransferFunction::is_stable`].
-    Report,
-    /// They are reflected into the left half plane at the start, and the search stays there.
-    Reflect,
-}
-
-/// How a fit is done.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParametricOptions {
-    /// The largest dead time that is looked for, 0 to 10 s.
-    pub max_delay_s: f64,
-    /// What is done about poles in the right half plane.
-    pub unstable: UnstablePoles,
-}
-
-impl Default for ParametricOptions {
-    fn default() -> Self {
-        Self { max_delay_s: 0.1, unstable: UnstablePoles::Report }
-    }
-}
-
-impl ParametricOptions {
-    fn check(&self) -> Result<(), ParametricError> {
-        if (0.0..=10.0).contains(&self.max_delay_s) {
-            return Ok(());
-        }
-        Err(ParametricError::Setting { name: "max_delay_s", value: self.max_delay_s, range: "0 to 10 s" })
-    }
-}
-
 /// A transfer function with its uncertainty and what its residual says of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParametricFit {
@@ -83,8 +50,6 @@ pub struct ParametricFit {
     pub transfer_function: TransferFunction,
     /// Static gain, output units per input unit.
     pub gain: Estimate,
-    /// Dead time in seconds, where it was fitted. Not held above zero, so that its interval means what it says.
-    pub delay_s: Option<Estimate>,
     /// Poles by frequency, a pair as one.
     pub poles: Vec<Root>,
     /// Zeros by frequency, a pair as one.
@@ -97,23 +62,10 @@ pub struct ParametricFit {
 }
 
 impl ParametricFit {
-    /// The model's response at a frequency in rad/s, without the known factor.
+    /// The model's response at a frequency in rad/s.
     #[must_use]
     pub fn response(&self, omega_rad_s: f64) -> Complex64 {
         self.sections.response(&self.parameters, omega_rad_s)
-    }
-
-    /// Standard errors of the response's logarithm at a frequency in rad/s: of `ln |G|` (0.115 is 1 dB) and of the
-    /// phase in radians.
-    #[must_use]
-    pub fn response_std(&self, omega_rad_s: f64) -> (f64, f64) {
-        let mut gradient = vec![Complex64::ZERO; self.parameters.len()];
-        let value = self.sections.gradient(&self.parameters, omega_rad_s, &mut gradient);
-        let part = |of: fn(Complex64) -> f64| {
-            let gradient = DVector::from_iterator(gradient.len(), gradient.iter().map(|g| of(g / value)));
-            self.uncertainty.estimate(0.0, &gradient).std
-        };
-        (part(|g| g.re), part(|g| g.im))
     }
 
     /// Standard error of `ln |G / G(0)|` at a frequency in rad/s.
@@ -147,37 +99,20 @@ impl ParametricFit {
         let (frequency, damping) = (section.scale_rad_s / c2.sqrt(), 0.5 * c1 / c2.sqrt());
         Some((estimate(frequency, 0.0, -0.5 * frequency / c2), estimate(damping, 0.5 / c2.sqrt(), -0.5 * damping / c2)))
     }
-
-    /// Covariance of `[gain, section coefficients of denominator and numerator, dead time]`.
-    #[must_use]
-    pub fn covariance(&self) -> DMatrix<f64> {
-        self.uncertainty.covariance()
-    }
 }
 
-/// Fits a model of `structure` behind the factor `known` (argument in rad/s; one where nothing is known).
+/// Fits a model of `structure`.
 ///
 /// # Errors
-/// [`ParametricError`] when the structure or an option is out of range, a line is unusable, the noise is known from too few
-/// samples, or no model is found.
-pub fn fit_parametric(
-    response: &FrequencyResponse,
-    structure: Structure,
-    known: &dyn Fn(f64) -> Complex64,
-    options: &ParametricOptions,
-) -> Result<ParametricFit, ParametricError> {
-    options.check()?;
+/// [`ParametricError`] when the structure is out of range, a line is unusable, the noise is known from too few samples, or no model is
+/// found.
+pub fn fit_parametric(response: &FrequencyResponse, structure: Structure) -> Result<ParametricFit, ParametricError> {
     structure.check(response.lines.len())?;
-    fit(&Data::new(response, known)?, structure, NoiseKnowledge::of(response), options)
+    fit(&Data::new(response)?, structure, NoiseKnowledge::of(response))
 }
 
-fn fit(
-    data: &Data,
-    structure: Structure,
-    noise: NoiseKnowledge,
-    options: &ParametricOptions,
-) -> Result<ParametricFit, ParametricError> {
-    let search::Found { sections, solution } = search::search(data, structure, options.max_delay_s, options.unstable)?;
+fn fit(data: &Data, structure: Structure, noise: NoiseKnowledge) -> Result<ParametricFit, ParametricError> {
+    let search::Found { sections, solution } = search::search(data, structure)?;
     let residual = ResidualTests::of(data, &solution, &noise);
     let unit = solution.unit_covariance.ok_or(ParametricError::NoFit {
         poles: structure.poles,
@@ -186,7 +121,6 @@ fn fit(
     })?;
     let uncertainty = Uncertainty::new(unit, solution.jacobian, noise);
     let parameters = solution.parameters;
-    let of_parameter = |index: usize| uncertainty.of_parameter(parameters[index], index);
     let by_frequency = |mut roots: Vec<Root>| {
         roots.sort_by(|a, b| a.frequency_rad_s.value.total_cmp(&b.frequency_rad_s.value));
         roots
@@ -197,10 +131,8 @@ fn fit(
             gain: parameters[0],
             poles: sections.poles(&parameters),
             zeros: sections.zeros(&parameters),
-            delay_s: sections.delay_s(&parameters),
         },
-        gain: of_parameter(0),
-        delay_s: structure.has_delay.then(|| of_parameter(parameters.len() - 1)),
+        gain: uncertainty.of_parameter(parameters[0], 0),
         poles: by_frequency(sections.placed_poles().flat_map(|p| root::roots(p, &parameters, &uncertainty)).collect()),
         zeros: by_frequency(sections.placed_zeros().flat_map(|p| root::roots(p, &parameters, &uncertainty)).collect()),
         residual,

@@ -14,10 +14,8 @@
 
 use std::ops::RangeInclusive;
 
-use num_complex::Complex64;
-
 use super::data::Data;
-use super::{MOST_POLES, ParametricError, ParametricFit, ParametricOptions, Structure, fit, search};
+use super::{MOST_POLES, ParametricError, ParametricFit, Structure, fit, search};
 use crate::FrequencyResponse;
 use crate::uncertainty::NoiseKnowledge;
 
@@ -41,24 +39,20 @@ pub struct OrderSelection {
     pub scores: Vec<OrderScore>,
 }
 
-/// Chooses the number of poles within `poles`, and that of zeros, with or without a dead time, and fits it to all lines.
+/// Chooses the number of poles within `poles`, and that of zeros, and fits it to all lines.
 ///
 /// # Errors
 /// Those of [`super::fit_parametric`]; [`ParametricError::NoFit`] when no order can be fitted.
 pub fn select_order(
     response: &FrequencyResponse,
     poles: RangeInclusive<usize>,
-    has_delay: bool,
-    known: &dyn Fn(f64) -> Complex64,
-    options: &ParametricOptions,
 ) -> Result<OrderSelection, ParametricError> {
-    options.check()?;
     if poles.is_empty() || *poles.start() < 1 || *poles.end() > MOST_POLES {
         return Err(ParametricError::Structure { poles: *poles.end(), zeros: 0, most: MOST_POLES });
     }
-    let data = Data::new(response, known)?;
+    let data = Data::new(response)?;
     let noise = NoiseKnowledge::of(response);
-    let mut trials = Trials { halves: [data.half(0), data.half(1)], noise, has_delay, options, scores: Vec::new() };
+    let mut trials = Trials { halves: [data.half(0), data.half(1)], noise, scores: Vec::new() };
     for poles in poles {
         trials.run(poles, poles - 1);
     }
@@ -72,7 +66,7 @@ pub fn select_order(
     ranked.sort_by(|a, b| a.score.total_cmp(&b.score));
     let mut failure = ParametricError::NoFit { poles, zeros: poles - 1, reason: "no order can be fitted" };
     for candidate in ranked.iter().filter(|candidate| candidate.score.is_finite()) {
-        match fit(&data, candidate.structure, noise, options) {
+        match fit(&data, candidate.structure, noise) {
             Ok(fit) => return Ok(OrderSelection { fit, scores }),
             Err(error) => failure = error,
         }
@@ -81,22 +75,20 @@ pub fn select_order(
 }
 
 /// The structures tried so far.
-struct Trials<'a> {
+struct Trials {
     halves: [Data; 2],
     noise: NoiseKnowledge,
-    has_delay: bool,
-    options: &'a ParametricOptions,
     scores: Vec<OrderScore>,
 }
 
-impl Trials<'_> {
+impl Trials {
     fn best(&self) -> Option<OrderScore> {
         self.scores.iter().copied().min_by(|a, b| a.score.total_cmp(&b.score))
     }
 
     /// Scores a structure, where the lines suffice for it.
     fn run(&mut self, poles: usize, zeros: usize) {
-        let structure = Structure { poles, zeros, has_delay: self.has_delay };
+        let structure = Structure::new(poles, zeros);
         let [a, b] = &self.halves;
         if structure.check(b.len()).is_err() {
             return;
@@ -112,9 +104,9 @@ impl Trials<'_> {
 
     /// Chi-square of the lines `to` about the fit to the lines `from`.
     fn predict(&self, structure: Structure, from: &Data, to: &Data) -> Option<f64> {
-        let found = search::search(from, structure, self.options.max_delay_s, self.options.unstable).ok()?;
+        let found = search::search(from, structure).ok()?;
         let chi_square = (0..to.len()).map(|k| {
-            let model = to.known[k] * found.sections.response(&found.solution.parameters, to.omega_rad_s[k]);
+            let model = found.sections.response(&found.solution.parameters, to.omega_rad_s[k]);
             2.0 * (model - to.response[k]).norm_sqr() * to.weight[k].powi(2)
         });
         Some(chi_square.sum::<f64>() / self.noise.residual_inflation())

@@ -7,12 +7,10 @@ use rotorlead_numerics::least_squares::Residuals;
 use super::data::Data;
 use super::sections::Sections;
 
-/// Real and imaginary parts of `(model - measured) / sigma`, scaled to unit variance each.
+/// Real and imaginary parts of `(model - measured) / sigma`, scaled to unit variance each. Poles stay in the left half plane.
 pub(super) struct Problem<'a> {
     pub(super) data: &'a Data,
     pub(super) sections: &'a Sections,
-    /// Whether poles must stay in the left half plane.
-    pub(super) stable: bool,
 }
 
 /// Half of the variance is in each part.
@@ -24,12 +22,12 @@ impl Residuals for Problem<'_> {
     }
 
     fn evaluate(&self, parameters: &[f64], out: &mut [f64]) -> bool {
-        if self.stable && !self.sections.is_stable(parameters) {
+        if !self.sections.is_stable(parameters) {
             return false;
         }
         let data = self.data;
         for (k, parts) in out.chunks_exact_mut(2).enumerate() {
-            let model = data.known[k] * self.sections.response(parameters, data.omega_rad_s[k]);
+            let model = self.sections.response(parameters, data.omega_rad_s[k]);
             let residual = (model - data.response[k]) * (PART * data.weight[k]);
             parts.copy_from_slice(&[residual.re, residual.im]);
         }
@@ -41,7 +39,7 @@ impl Residuals for Problem<'_> {
         let mut gradient = vec![Complex64::ZERO; parameters.len()];
         for k in 0..data.len() {
             self.sections.gradient(parameters, data.omega_rad_s[k], &mut gradient);
-            let scale = data.known[k] * (PART * data.weight[k]);
+            let scale = PART * data.weight[k];
             for (j, derivative) in gradient.iter().enumerate() {
                 let derivative = derivative * scale;
                 out[(2 * k, j)] = derivative.re;

@@ -78,11 +78,9 @@ fn input_independence(data: &Data, solution: &Solution, inflation: f64, total_do
     let Some(covariance) = &solution.unit_covariance else { return 1.0 };
     // Lags half a period of the top line apart: closer ones show nothing more.
     let step = std::f64::consts::PI / data.top_rad_s();
-    let known_phase = |k: usize| data.known[k] / data.known[k].norm();
     let probes = DMatrix::from_fn(2 * data.len(), LAGS, |row, lag| {
         let k = row / 2;
-        // The residual behind the known factor, as a response to its input.
-        let probe = Complex64::cis(-data.omega_rad_s[k] * step * lag as f64) * known_phase(k);
+        let probe = Complex64::cis(-data.omega_rad_s[k] * step * lag as f64);
         if row % 2 == 0 { probe.re } else { probe.im }
     });
     let jacobian = &solution.jacobian;

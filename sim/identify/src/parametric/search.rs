@@ -1,14 +1,14 @@
-//! The search for the largest likelihood, from every start.
+//! The search for the largest likelihood.
 
 use num_complex::Complex64;
 use rotorlead_numerics::least_squares::{Limits, Solution, minimize};
 
+use super::ParametricError;
 use super::data::Data;
 use super::problem::Problem;
 use super::sections::{Sections, group};
-use super::start::{Start, starts};
+use super::start::{Start, start};
 use super::structure::Structure;
-use super::{ParametricError, UnstablePoles};
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
 /// thousandth of its standard error.
@@ -24,48 +24,24 @@ pub(super) struct Found {
     pub(super) solution: Solution,
 }
 
-/// Searches from every start of the linear method, and again wherever real roots have come to share sections with
-/// others than their neighbors.
-pub(super) fn search(
-    data: &Data,
-    structure: Structure,
-    max_delay_s: f64,
-    unstable: UnstablePoles,
-) -> Result<Found, ParametricError> {
-    let starts = starts(data, structure, max_delay_s);
-    let reason = if starts.is_empty() { "the linear method finds no start" } else { "the search does not settle" };
-    starts
-        .iter()
-        .flat_map(|start| variants(start, unstable))
-        .filter_map(|start| from(data, &start, structure.has_delay, unstable))
-        .min_by(|a, b| a.solution.sum_of_squares.total_cmp(&b.solution.sum_of_squares))
-        .ok_or(ParametricError::NoFit { poles: structure.poles, zeros: structure.zeros, reason })
+/// Searches from the start of the linear method, with its unstable poles reflected into the left half plane, and again wherever real
+/// roots have come to share sections with others than their neighbors.
+pub(super) fn search(data: &Data, structure: Structure) -> Result<Found, ParametricError> {
+    let failed = |reason| ParametricError::NoFit { poles: structure.poles, zeros: structure.zeros, reason };
+    let start = start(data, structure).ok_or_else(|| failed("the linear method finds no start"))?;
+    from(data, &start).ok_or_else(|| failed("the search does not settle"))
 }
 
-/// The start, and the same with unstable poles reflected into the left half plane.
-fn variants(start: &Start, unstable: UnstablePoles) -> Vec<Start> {
-    if start.poles.iter().all(|pole| pole.re < 0.0) {
-        return vec![start.clone()];
-    }
-    let reflect = |pole: &Complex64| Complex64::new(-pole.re.abs(), pole.im);
-    let reflected = Start { poles: start.poles.iter().map(reflect).collect(), ..start.clone() };
-    match unstable {
-        UnstablePoles::Reflect => vec![reflected],
-        UnstablePoles::Report => vec![reflected, start.clone()],
-    }
-}
-
-fn from(data: &Data, start: &Start, has_delay: bool, unstable: UnstablePoles) -> Option<Found> {
+fn from(data: &Data, start: &Start) -> Option<Found> {
     let range = (data.omega_rad_s[0] / REACH, data.top_rad_s() * REACH);
-    let stable = unstable == UnstablePoles::Reflect;
-    let run = |gain: f64, poles: &[Complex64], zeros: &[Complex64], delay_s: f64| -> Option<Found> {
-        let delay_s = has_delay.then_some(delay_s);
-        let (sections, mut parameters) = Sections::from_roots(gain, poles, zeros, delay_s, range);
+    let run = |gain: f64, poles: &[Complex64], zeros: &[Complex64]| -> Option<Found> {
+        let (sections, mut parameters) = Sections::from_roots(gain, poles, zeros, range);
         parameters[0] = best_gain(data, &sections, &parameters)?;
-        let solution = minimize(&Problem { data, sections: &sections, stable }, &parameters, LIMITS)?;
+        let solution = minimize(&Problem { data, sections: &sections }, &parameters, LIMITS)?;
         solution.converged.then_some(Found { sections, solution })
     };
-    let mut found = run(start.gain, &start.poles, &start.zeros, start.delay_s)?;
+    let stable: Vec<Complex64> = start.poles.iter().map(|pole| Complex64::new(-pole.re.abs(), pole.im)).collect();
+    let mut found = run(start.gain, &stable, &start.zeros)?;
     // Two real roots can become a complex pair only within a section. Where the search has moved the neighbor of a root
     // into another section, they are grouped anew.
     for _ in 0..3 {
@@ -85,8 +61,7 @@ fn from(data: &Data, start: &Start, has_delay: bool, unstable: UnstablePoles) ->
         if as_grouped(&poles, &found.sections.denominator) && as_grouped(&zeros, &found.sections.numerator) {
             break;
         }
-        let delay_s = found.sections.delay_s(parameters);
-        match run(parameters[0], &poles, &zeros, delay_s) {
+        match run(parameters[0], &poles, &zeros) {
             Some(again) if again.solution.sum_of_squares < found.solution.sum_of_squares * (1.0 - 1e-6) => {
                 found = again;
             }
@@ -100,7 +75,7 @@ fn from(data: &Data, start: &Start, has_delay: bool, unstable: UnstablePoles) ->
 fn best_gain(data: &Data, sections: &Sections, parameters: &[f64]) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for k in 0..data.len() {
-        let model = data.known[k] * sections.response(parameters, data.omega_rad_s[k]);
+        let model = sections.response(parameters, data.omega_rad_s[k]);
         let weight = data.weight[k].powi(2);
         product += weight * (data.response[k] * model.conj()).re;
         square += weight * model.norm_sqr();

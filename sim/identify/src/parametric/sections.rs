@@ -1,7 +1,7 @@
 //! The model as a product of sections of first and second order: what the search moves.
 //!
 //! ```text
-//! G(s) = K e^(-s Td) prod(1 + b_1 x + b_2 x^2) / prod(1 + a_1 x + a_2 x^2),   x = s / w_section
+//! G(s) = K prod(1 + b_1 x + b_2 x^2) / prod(1 + a_1 x + a_2 x^2),   x = s / w_section
 //! ```
 //!
 //! Each section's scale `w_section` is the magnitude of its roots at the start. The coefficients are then near one, each
@@ -56,25 +56,23 @@ impl Section {
 }
 
 /// The sections of a model, and where their coefficients are among the parameters:
-/// `[K, denominator.., numerator.., Td]`.
+/// `[K, denominator.., numerator..]`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sections {
     pub(super) denominator: Vec<Section>,
     pub(super) numerator: Vec<Section>,
-    pub(super) has_delay: bool,
 }
 
 /// One section with the place of its first coefficient.
 pub(super) type Placed<'a> = (&'a Section, std::ops::Range<usize>);
 
 impl Sections {
-    /// Sections and parameters for gain, roots and dead time; gains and roots in rad/s. Roots beyond `range_rad_s` are
+    /// Sections and parameters for a gain, and roots in rad/s. Roots beyond `range_rad_s` are
     /// moved to its ends: what the lines do not show cannot be started from.
     pub(super) fn from_roots(
         gain: f64,
         poles: &[Complex64],
         zeros: &[Complex64],
-        delay_s: Option<f64>,
         range_rad_s: (f64, f64),
     ) -> (Self, Vec<f64>) {
         let mut parameters = vec![gain];
@@ -94,8 +92,7 @@ impl Sections {
         };
         let denominator = sections(poles);
         let numerator = sections(zeros);
-        parameters.extend(delay_s);
-        (Self { denominator, numerator, has_delay: delay_s.is_some() }, parameters)
+        (Self { denominator, numerator }, parameters)
     }
 
     /// The denominator's sections, each with the range of its coefficients among the parameters.
@@ -116,15 +113,6 @@ impl Sections {
         self.placed_zeros().flat_map(|(section, at)| section.roots(&parameters[at])).collect()
     }
 
-    pub(super) fn delay_s(&self, parameters: &[f64]) -> f64 {
-        if self.has_delay { parameters[parameters.len() - 1] } else { 0.0 }
-    }
-
-    /// The dead time's factor.
-    fn shift(&self, parameters: &[f64], omega_rad_s: f64) -> Complex64 {
-        if self.has_delay { Complex64::cis(-omega_rad_s * self.delay_s(parameters)) } else { Complex64::ONE }
-    }
-
     pub(super) fn is_stable(&self, parameters: &[f64]) -> bool {
         self.placed_poles().all(|(_, at)| Section::is_stable(&parameters[at]))
     }
@@ -132,7 +120,7 @@ impl Sections {
     /// The response at a frequency in rad/s.
     pub(super) fn response(&self, parameters: &[f64], omega_rad_s: f64) -> Complex64 {
         let s = Complex64::new(0.0, omega_rad_s);
-        let mut value = parameters[0] * self.shift(parameters, omega_rad_s);
+        let mut value = Complex64::from(parameters[0]);
         for (section, at) in self.placed_poles() {
             value /= section.value(&parameters[at], s);
         }
@@ -146,7 +134,7 @@ impl Sections {
     pub(super) fn gradient(&self, parameters: &[f64], omega_rad_s: f64, out: &mut [Complex64]) -> Complex64 {
         let s = Complex64::new(0.0, omega_rad_s);
         let without_gain = {
-            let mut unit = self.shift(parameters, omega_rad_s);
+            let mut unit = Complex64::ONE;
             for (section, at) in self.placed_poles() {
                 unit /= section.value(&parameters[at], s);
             }
@@ -180,9 +168,6 @@ impl Sections {
             if section.order == 2 {
                 out[at.start + 1] = by_first * x;
             }
-        }
-        if self.has_delay {
-            out[parameters.len() - 1] = -s * value;
         }
         value
     }
@@ -241,7 +226,7 @@ mod tests {
     fn sample() -> (Sections, Vec<f64>, Vec<Complex64>, Vec<Complex64>) {
         let poles = vec![c(-3.0, 40.0), c(-3.0, -40.0), c(-20.0, 0.0), c(-300.0, 0.0), c(-21.0, 0.0)];
         let zeros = vec![c(90.0, 30.0), c(90.0, -30.0), c(500.0, 0.0)];
-        let (sections, parameters) = Sections::from_roots(2.5, &poles, &zeros, Some(0.003), (1e-3, 1e6));
+        let (sections, parameters) = Sections::from_roots(2.5, &poles, &zeros, (1e-3, 1e6));
         (sections, parameters, poles, zeros)
     }
 
@@ -250,9 +235,8 @@ mod tests {
         let (sections, parameters, poles, zeros) = sample();
         for omega in [0.5, 40.0, 700.0] {
             let s = c(0.0, omega);
-            let expected =
-                2.5 * Complex64::cis(-omega * 0.003) * zeros.iter().map(|z| 1.0 - s / z).product::<Complex64>()
-                    / poles.iter().map(|p| 1.0 - s / p).product::<Complex64>();
+            let expected = 2.5 * zeros.iter().map(|z| 1.0 - s / z).product::<Complex64>()
+                / poles.iter().map(|p| 1.0 - s / p).product::<Complex64>();
             assert!((sections.response(&parameters, omega) - expected).norm() < 1e-12 * expected.norm());
         }
         for (found, expected) in [(sections.poles(&parameters), poles), (sections.zeros(&parameters), zeros)] {

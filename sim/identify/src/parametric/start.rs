@@ -1,9 +1,9 @@
-//! Starting values: bootstrapped total least squares, and a grid of dead times.
+//! Where the search begins: bootstrapped total least squares.
 //!
 //! With the denominator `D_i` of the last pass divided out (Sanathanan & Koerner, 1963), the equation error
 //!
 //! ```text
-//! e_k = (H_k N(s_k) - G_k D(s_k)) / (sigma_k |D_i(s_k)|)
+//! e_k = (N(s_k) - G_k D(s_k)) / (sigma_k |D_i(s_k)|)
 //! ```
 //!
 //! is linear in the coefficients. Its least-squares solution is biased, because noisy `G_k` multiplies `D`. Under the
@@ -22,55 +22,27 @@ use super::structure::Structure;
 /// Passes of the linear problem. It settles in three to eight.
 const PASSES: usize = 12;
 
-/// Passes at each dead time of the grid: enough to tell which of them is near.
-const GRID_PASSES: usize = 3;
-
-/// Dead times of the grid whose starts are handed on, best first.
-const KEPT: usize = 3;
-
 /// A model to search from.
 #[derive(Clone, Debug)]
 pub(super) struct Start {
     pub(super) gain: f64,
     pub(super) poles: Vec<Complex64>,
     pub(super) zeros: Vec<Complex64>,
-    pub(super) delay_s: f64,
     /// Its chi-square, `sum |G_k - model|^2 / sigma_k^2`.
     pub(super) cost: f64,
 }
 
-/// Models to search from, best first. Dead times are tried from zero to `max_delay_s`, an eighth of the top line's
-/// period apart: chi-square has one minimum per half period. Those at its lowest minima are kept.
-pub(super) fn starts(data: &Data, structure: Structure, max_delay_s: f64) -> Vec<Start> {
-    if !structure.has_delay {
-        return at_delay(data, structure, 0.0, PASSES).into_iter().collect();
-    }
-    let step = std::f64::consts::TAU / data.top_rad_s() / 8.0;
-    let count = (max_delay_s / step).ceil().min(1000.0) as usize;
-    let grid: Vec<_> = (0..=count).map(|i| at_delay(data, structure, step * i as f64, GRID_PASSES)).collect();
-    let cost = |i: Option<usize>| i.and_then(|i| grid.get(i)?.as_ref()).map_or(f64::INFINITY, |start| start.cost);
-    let mut minima: Vec<Start> = (0..grid.len())
-        .filter(|&i| cost(Some(i)) <= cost(i.checked_sub(1)) && cost(Some(i)) <= cost(Some(i + 1)))
-        .filter_map(|i| grid[i].clone())
-        .collect();
-    minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    minima.truncate(KEPT);
-    minima
-}
-
-/// The best of all passes at one dead time.
-fn at_delay(data: &Data, structure: Structure, delay_s: f64, passes: usize) -> Option<Start> {
+/// The best of all passes.
+pub(super) fn start(data: &Data, structure: Structure) -> Option<Start> {
     // Frequencies near one keep the matrices of the roots balanced.
     let unit = data.top_rad_s();
     let omega: Vec<f64> = data.omega_rad_s.iter().map(|w| w / unit).collect();
-    let known: Vec<Complex64> =
-        data.known.iter().zip(&data.omega_rad_s).map(|(h, w)| h * Complex64::cis(-w * delay_s)).collect();
     let mut last = vec![1.0; data.len()];
     let mut best: Option<Start> = None;
     let mut since = 0;
-    for _ in 0..passes {
-        let Some(pass) = Pass::solve(data, &omega, &known, &last, structure) else { break };
-        if let Some(start) = pass.start(data, &known, unit, delay_s) {
+    for _ in 0..PASSES {
+        let Some(pass) = Pass::solve(data, &omega, &last, structure) else { break };
+        if let Some(start) = pass.start(data, unit) {
             let previous = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
             // Two passes that gain nothing: it has settled, or goes around.
             since = if start.cost < previous * (1.0 - 1e-3) { 0 } else { since + 1 };
@@ -101,10 +73,10 @@ struct Pass {
 }
 
 impl Pass {
-    fn solve(data: &Data, omega: &[f64], known: &[Complex64], last: &[f64], structure: Structure) -> Option<Self> {
+    fn solve(data: &Data, omega: &[f64], last: &[f64], structure: Structure) -> Option<Self> {
         let lines = data.len();
         let scale: Vec<f64> = data.weight.iter().zip(last).map(|(w, d)| w / d).collect();
-        let measure: Vec<f64> = scale.iter().zip(known).map(|(s, h)| s * s * h.norm_sqr()).collect();
+        let measure: Vec<f64> = scale.iter().map(|s| s * s).collect();
         let numerator_basis = Basis::new(omega, &measure, structure.zeros)?;
         let measure: Vec<f64> = last.iter().map(|d| 1.0 / (d * d)).collect();
         let denominator_basis = Basis::new(omega, &measure, structure.poles)?;
@@ -116,7 +88,7 @@ impl Pass {
                 if row % 2 == 0 { value.re } else { value.im }
             })
         };
-        let of_numerator = matrix(&numerator_basis, &|k| known[k] * scale[k]);
+        let of_numerator = matrix(&numerator_basis, &|k| scale[k].into());
         let of_denominator = matrix(&denominator_basis, &|k| data.response[k] * scale[k]);
         // The numerator's columns are orthonormal, so the best numerator is a projection.
         let projection = of_numerator.tr_mul(&of_denominator);
@@ -139,10 +111,10 @@ impl Pass {
     }
 
     /// The solution as roots, with its chi-square. Frequencies are in units of `unit`.
-    fn start(&self, data: &Data, known: &[Complex64], unit: f64, delay_s: f64) -> Option<Start> {
+    fn start(&self, data: &Data, unit: f64) -> Option<Start> {
         let cost: f64 = (0..data.len())
             .map(|k| {
-                let model = known[k] * self.numerator_values[k] / self.denominator_values[k];
+                let model = self.numerator_values[k] / self.denominator_values[k];
                 (data.response[k] - model).norm_sqr() * data.weight[k].powi(2)
             })
             .sum();
@@ -158,6 +130,6 @@ impl Pass {
             / poles.iter().map(|p| 1.0 - s / p).product::<Complex64>();
         let gain = (self.numerator_values[k] / self.denominator_values[k] / shape).re;
         let sound = cost.is_finite() && gain.is_finite() && gain != 0.0;
-        sound.then_some(Start { gain, poles, zeros, delay_s, cost })
+        sound.then_some(Start { gain, poles, zeros, cost })
     }
 }

@@ -1,8 +1,8 @@
-//! A continuous-time transfer function by its gain, poles, zeros and dead time.
+//! A continuous-time transfer function by its gain, poles and zeros.
 
 use num_complex::Complex64;
 
-/// `G(s) = K e^(-s Td) prod(1 - s / z_i) / prod(1 - s / p_i)`.
+/// `G(s) = K prod(1 - s / z_i) / prod(1 - s / p_i)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     /// Static gain `K = G(0)`, output units per input unit.
@@ -11,8 +11,6 @@ pub struct TransferFunction {
     pub poles: Vec<Complex64>,
     /// Zeros in rad/s; complex ones come with their conjugates.
     pub zeros: Vec<Complex64>,
-    /// Dead time in seconds.
-    pub delay_s: f64,
 }
 
 impl TransferFunction {
@@ -21,7 +19,7 @@ impl TransferFunction {
     pub fn response(&self, omega_rad_s: f64) -> Complex64 {
         let s = Complex64::new(0.0, omega_rad_s);
         // Factor by factor in turn: the products by themselves could leave the range of numbers.
-        let mut value = self.gain * Complex64::cis(-omega_rad_s * self.delay_s);
+        let mut value = Complex64::from(self.gain);
         for index in 0..self.poles.len().max(self.zeros.len()) {
             if let Some(zero) = self.zeros.get(index) {
                 value *= 1.0 - s / zero;

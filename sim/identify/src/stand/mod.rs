@@ -15,10 +15,9 @@ mod usable;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-use num_complex::Complex64;
 use rotorlead_records::Experiment;
 
-use super::parametric::{OrderScore, ParametricFit, ParametricOptions, Root, UnstablePoles, select_order};
+use super::parametric::{OrderScore, ParametricFit, Root, select_order};
 use super::{Estimate, FrequencyResponse, IdentifyError, times_noise};
 pub use error::StandError;
 pub use model::{StandModel, StandRoot};
@@ -207,9 +206,8 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
 /// # Errors
 /// Those of [`select_order`]; [`StandError::NoResponse`] where the static gain may be zero.
 pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
-    let parametric = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
-    let selection = select_order(&response, options.poles.clone(), false, &|_| Complex64::ONE, &parametric)?;
-    check_order(&selection.fit, &response, options, &parametric)?;
+    let selection = select_order(&response, options.poles.clone())?;
+    check_order(&selection.fit, &response, options)?;
     let fit = selection.fit;
     let (low, high) = fit.gain.interval(SURE);
     if !(low > 0.0 || high < 0.0) {
@@ -260,18 +258,13 @@ fn coincide(pole: &Root, zero: &Root) -> bool {
 /// A structure with more poles can do all that one with fewer can. Where the search ends with more left than of the best
 /// lower order, the lines do not determine the additional poles: near-cancelling pairs leave it in a valley without
 /// floor, and the numbers that it ends at mean nothing.
-fn check_order(
-    fit: &ParametricFit,
-    response: &FrequencyResponse,
-    options: &StandOptions,
-    parametric: &ParametricOptions,
-) -> Result<(), IdentifyError> {
+fn check_order(fit: &ParametricFit, response: &FrequencyResponse, options: &StandOptions) -> Result<(), IdentifyError> {
     let poles = *options.poles.start();
     let is_chosen = options.poles.end() > options.poles.start();
     if is_chosen || poles < 2 || fit.residual.power_p_value >= MODEL_LEVEL {
         return Ok(());
     }
-    let Ok(lower) = select_order(response, 1..=poles - 1, false, &|_| Complex64::ONE, parametric) else {
+    let Ok(lower) = select_order(response, 1..=poles - 1) else {
         return Ok(());
     };
     let (left, fewer_left) = (fit.residual.reduced_chi_square, lower.fit.residual.reduced_chi_square);

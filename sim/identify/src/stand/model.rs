@@ -137,7 +137,7 @@ impl StandModel {
     #[must_use]
     pub fn transfer_function(&self) -> TransferFunction {
         let roots = |roots: &[StandRoot]| roots.iter().flat_map(StandRoot::values).collect();
-        TransferFunction { gain: self.gain, poles: roots(&self.poles), zeros: roots(&self.zeros), delay_s: 0.0 }
+        TransferFunction { gain: self.gain, poles: roots(&self.poles), zeros: roots(&self.zeros) }
     }
 
     /// The response over its static value, at a frequency in rad/s.
