@@ -285,7 +285,7 @@ fn the_plausible_ranges_hold_the_typical_numbers() {
         ("operating_point_lag", "exponent", 0.5, 1.5),
         ("quadratic_thrust", "curvature_per_duty", 1.0, 6.0),
         ("second_pole", "time_constant_s", 1e-4, 0.03),
-        ("moving_average", "window_s", 1e-3, 0.2),
+        ("moving_average", "window_s", 3e-3, 0.2),
         ("inflow_lead", "time_constant_s", 0.003, 0.015),
         ("inflow_lead", "lead_ratio", 1.3, 2.5),
         ("supply_sag", "polarization_drop", 0.05, 0.15),
