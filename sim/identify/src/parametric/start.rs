@@ -1,4 +1,4 @@
-//! Where the search begins: bootstrapped total least squares.
+//! Initial values of the search: bootstrapped total least squares.
 //!
 //! With the denominator `D_i` of the last pass divided out (Sanathanan & Koerner, 1963), the equation error
 //!
