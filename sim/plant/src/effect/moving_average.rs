@@ -14,7 +14,7 @@ pub static KIND: Kind = Kind {
     site: Site::Sensor,
     equation: "(1 - e^(-s T)) / (s T), T = window_s: the mean over the last T seconds; a second mean over taper T behind it",
     parameters: &[
-        // A load cell's converter gives a reading every 3 ms at the most (NAU7802): what is shorter is a delay by all that records show.
+        // The fastest converters of load cells give a reading every 3 ms (NAU7802): what is shorter looks as a delay does.
         Parameter::fitted("window_s", "s", "how long is averaged")
             .possible(0.0, 10.0)
             .log(3e-3, 0.25, &[4e-3, 0.01, 0.03, 0.08, 0.2])
