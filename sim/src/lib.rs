@@ -38,6 +38,8 @@
 pub use rotorlead::compensator::Compensator;
 pub use rotorlead_design::design;
 pub use rotorlead_diagnose::{Diagnosis, diagnose};
-pub use rotorlead_identify::{Estimate, Identification, IdentifyOptions, identify, validate};
+pub use rotorlead_identify::estimate::Estimate;
+pub use rotorlead_identify::identification::{Identification, IdentifyOptions, identify};
+pub use rotorlead_identify::validate::validate;
 pub use rotorlead_plant::{Effect, Model, simulate};
 pub use rotorlead_records::{Experiment, Record};

@@ -7,10 +7,9 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_identify::{
-    FrequencyResponse, IdentifyWarning, NominalIdentification, PeriodicOptions, Spectrum, SpectrumOptions,
-    identify_periodic,
-};
+use rotorlead_identify::frequency_response::FrequencyResponse;
+use rotorlead_identify::lag::multisine::{IdentifyWarning, NominalIdentification, PeriodicOptions, identify_periodic};
+use rotorlead_identify::spectra::{Spectrum, SpectrumOptions};
 use rotorlead_plant::bench::multisine::{DetectionRecipe, DetectionSet};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 

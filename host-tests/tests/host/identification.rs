@@ -12,10 +12,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
-use rotorlead_identify::{
-    Bandwidth, Estimate, IdentifyError, IdentifyWarning, NoiseSource, NominalIdentification, PeriodicOptions,
-    StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
-};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, StaticValue, bandwidth_of, bandwidth_of_etfe};
+use rotorlead_identify::lag::multisine::{IdentifyWarning, NominalIdentification, PeriodicOptions, identify_periodic};
+use rotorlead_identify::spectra::NoiseSource;
 use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 
 const TICK_HZ: usize = 15_000;

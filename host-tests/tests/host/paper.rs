@@ -5,9 +5,10 @@ use std::f64::consts::PI;
 use host_tests::{OMEGA_G_RAD_S, TABLE_1, paper_design};
 use rotorlead::design::LeadParameters;
 use rotorlead_design::{Chain, DesignOptions, bandwidths, design};
-use rotorlead_identify::{
-    Bandwidth, EtfeBandwidth, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
+use rotorlead_identify::frequency_response::bandwidth::{
+    Bandwidth, EtfeBandwidth, StaticValue, bandwidth_of, bandwidth_of_etfe,
 };
+use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::{Plan, Prediction, add_noise, run};
 use rotorlead_plant::{Color, Model, Noise};
 use rotorlead_records::{Excitation, Experiment};

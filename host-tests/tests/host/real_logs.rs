@@ -7,11 +7,12 @@ use rotorlead_design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Setting, bandwidths, design, design_inverse,
 };
 use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
-use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
-use rotorlead_identify::steps::{
+use rotorlead_identify::identification::{IdentifyOptions, Lags, identify};
+use rotorlead_identify::lag::steps::{
     Direction, LawComparison, StaircaseFit, StepFault, StepsWarning, compare_laws, fit_staircase,
 };
-use rotorlead_identify::{IdentifyOptions, Lags, identify, validate};
+use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
+use rotorlead_identify::validate::validate;
 use rotorlead_plant::Model;
 use rotorlead_records::Excitation;
 use rotorlead_records::import::{Import, ImportOptions, import};
@@ -65,7 +66,7 @@ fn tau_ms(fit: &StaircaseFit, command: f64, direction: Direction) -> f64 {
 }
 
 fn median_tau_up_ms(fit: &StaircaseFit) -> f64 {
-    let up = |l: &rotorlead_identify::steps::Level| l.up?.time_constant_s;
+    let up = |l: &rotorlead_identify::lag::steps::Level| l.up?.time_constant_s;
     let mut all: Vec<f64> = fit.levels.iter().filter_map(up).map(|e| e.value).collect();
     all.sort_by(f64::total_cmp);
     1e3 * all[all.len() / 2]

@@ -4,8 +4,8 @@
 
 use host_tests::real_log;
 use rotorlead_diagnose::{Diagnosis, Lateness, Options, Verdict, diagnose};
-use rotorlead_identify::Estimate;
-use rotorlead_identify::steps::{LawComparison, compare_laws};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::lag::steps::{LawComparison, compare_laws};
 use rotorlead_plant::Catalog;
 use rotorlead_plant::effect::{ActiveEffect, Parameter};
 use rotorlead_records::import::{ImportOptions, import};

@@ -18,7 +18,8 @@ pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::check::{Findings, of_lag, of_record};
-use rotorlead_identify::{IdentifyError, RecordValidation, validate};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::validate::{RecordValidation, validate};
 use rotorlead_plant::{Catalog, Judgement, Model, Word};
 use rotorlead_records::{Experiment, Topic};
 use rotorlead_vehicle::{Asked, Recommendation, recommend};

@@ -1,7 +1,7 @@
 //! Records that have thrust and speed: the lag of the one that is not the response.
 
-use rotorlead_identify::step_record;
-use rotorlead_identify::steps::fit_staircase;
+use rotorlead_identify::identification::step_record;
+use rotorlead_identify::lag::steps::fit_staircase;
 use rotorlead_plant::Model;
 use rotorlead_records::{Experiment, Output};
 use serde::Serialize;

@@ -1,6 +1,6 @@
 //! What a model leaves of records, against their noise.
 
-use rotorlead_identify::RecordValidation;
+use rotorlead_identify::validate::RecordValidation;
 
 /// Probability that a true model is called wrong on any of the records.
 pub const LEVEL: f64 = 0.01;
@@ -12,7 +12,7 @@ pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 /// record shows its noise.
 ///
 /// A record shows it where the power that the model leaves over that of the noise has a tail probability below the level over
-/// the number of records (Bonferroni), by [`LeftOver`](rotorlead_identify::LeftOver).
+/// the number of records (Bonferroni), by [`LeftOver`](rotorlead_identify::validate::LeftOver).
 #[must_use]
 pub fn wrong(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();

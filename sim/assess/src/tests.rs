@@ -1,5 +1,5 @@
 use rotorlead_diagnose::{Options, diagnose};
-use rotorlead_identify::{IdentifyOptions, identify};
+use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_records::Role;
 

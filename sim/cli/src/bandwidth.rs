@@ -7,7 +7,7 @@ use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
 use rotorlead_answer::{Fact, Report};
 use rotorlead_design::{Chain, steps};
-use rotorlead_identify::{PeriodicOptions, identify_periodic};
+use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::Quantity;

@@ -6,7 +6,7 @@ use clap::Args;
 use miette::WrapErr as _;
 use rotorlead_answer::Report;
 use rotorlead_assess::compare;
-use rotorlead_identify::IdentifyOptions;
+use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_plant::Model;
 use rotorlead_records::files::TomlFile;
 use rotorlead_results::{IdentifyResult, Subject, comparison_answer};

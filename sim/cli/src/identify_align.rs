@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead_identify::Estimate;
 use rotorlead_identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
+use rotorlead_identify::estimate::Estimate;
 use rotorlead_records::files::Quantity;
 use rotorlead_records::import::ImportSummary;
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};

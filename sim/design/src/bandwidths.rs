@@ -5,7 +5,7 @@ use rotorlead::design::LeadParameters;
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model, OperatingPoint, Point, hold_response};
 use serde::Serialize;
 
-use rotorlead_identify::{Bandwidth, bandwidth_of};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, bandwidth_of};
 
 /// Highest frequency that is searched for a bandwidth, rad/s; far above what a propeller follows.
 const SEARCHED_UP_TO_RAD_S: f64 = 1e4;

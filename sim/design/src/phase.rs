@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rotorlead_plant::{ActiveEffect, Model, OperatingPoint, Point, hold_delay_s};
 
 use super::{BandwidthPoint, Chain, FrameStart, Latency};
-use rotorlead_identify::{Bandwidth, first_frequency};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, first_frequency};
 
 /// The phase of one chain.
 #[derive(Clone, Copy, Debug, PartialEq)]

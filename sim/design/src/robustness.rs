@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::redesign::sweep::Sweep;
 use super::steps::steps_at;
-use rotorlead_identify::Bandwidth;
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 
 /// Amplitude of the sinusoids: small signals, which meet no limit.
 const AMPLITUDE: f64 = 0.005;

@@ -1,6 +1,8 @@
 //! The diagnosis of an experiment, from its records to what is said of them.
 
-use rotorlead_identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
+use rotorlead_identify::validate::same_output;
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::effect::Parameter;
 use rotorlead_plant::{ActiveEffect, Catalog, Lag, Model, OperatingCurve, Point, StaticMap};

@@ -1,8 +1,8 @@
 //! Why nothing can be compared.
 
 use miette::Diagnostic;
-use rotorlead_identify::IdentifyError;
-use rotorlead_identify::steps::StepsError;
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::lag::steps::StepsError;
 use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::RecordError;
 use rotorlead_records::files::did_you_mean;

@@ -1,6 +1,6 @@
 //! What a diagnosis says.
 
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::Model;
 use rotorlead_plant::effect::{Kind, Parameter};
 use serde::{Serialize, Serializer};

@@ -3,7 +3,7 @@
 use rotorlead_numerics::least_squares::{Limits, Residuals, minimize};
 
 use super::law::ThrustLaw;
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 
 /// A law's parameter as a map tells it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use rotorlead_plant::{Model, Point, TimeConstantBand};
 
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 
 /// A number with the ends of its 95 % interval, where they are known.
 #[derive(Clone, Copy, Debug, PartialEq)]

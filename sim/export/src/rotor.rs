@@ -6,14 +6,14 @@ use rotorlead_numerics::statistics::t_quantile;
 
 use super::lag::Band;
 use super::maps::{Maps, between, check_top, scatter};
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 
 /// Rotor speed of one revolution per minute, rad/s.
 const RPM: f64 = TAU / 60.0;
 /// Levels that tell thrust over speed squared, and an error.
 const LEAST_LEVELS: usize = 3;
 /// Commands closer than this are the same level in two responses of one record.
-const SAME_LEVEL: f64 = rotorlead_identify::steps::SAME_LEVEL;
+const SAME_LEVEL: f64 = rotorlead_identify::lag::steps::SAME_LEVEL;
 
 /// Thrust over the square of the rotor speed.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,10 +5,10 @@ use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::files::Fault;
 use thiserror::Error;
 
-use super::parametric::ParametricError;
-use super::stand::StandError;
-use super::static_map::StaticMapError;
-use super::steps::StepsError;
+use crate::lag::steps::StepsError;
+use crate::stand::StandError;
+use crate::stand::transfer_function::ParametricError;
+use crate::static_map::StaticMapError;
 use rotorlead_records::Topic;
 
 /// A record or setting from which nothing can be identified.
@@ -369,4 +369,13 @@ impl IdentifyError {
 /// A number as it was written, unless that is a long row of zeros.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-4..1e7).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
+}
+
+/// What is wrong, and behind a semicolon what to do about it, where it says so.
+#[must_use]
+pub fn with_advice(warning: &impl Diagnostic) -> String {
+    match warning.help() {
+        Some(help) => format!("{warning}; {help}"),
+        None => warning.to_string(),
+    }
 }

@@ -4,13 +4,14 @@ use rotorlead_numerics::sample::median;
 use rotorlead_plant::{Model, Provenance};
 use rotorlead_records::{Excitation, Experiment, Finding, Record, Role, Severity, Topic};
 
-use super::stand::StandModel;
-use super::static_map::{StaticMapError, StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
-use super::steps::{StaircaseFit, fit_staircase};
-use super::{
-    ChirpIdentification, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification, PeriodicOptions,
-    Spectrum, identify_chirps, identify_periodic, is_chirp_to_fit,
-};
+use crate::error::IdentifyError;
+use crate::lag::chirp::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
+use crate::lag::first_order::FirstOrderOptions;
+use crate::lag::multisine::{IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic};
+use crate::lag::steps::{StaircaseFit, fit_staircase};
+use crate::spectra::Spectrum;
+use crate::stand::StandModel;
+use crate::static_map::{StaticMapError, StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
 
 /// What an identification takes beside the records.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
-use rotorlead_identify::steps::{StaircaseFit, fit_staircase};
+use rotorlead_identify::lag::steps::{StaircaseFit, fit_staircase};
 use rotorlead_records::import::spread_bursts;
 use rotorlead_records::{Excitation, Output, Record};
 

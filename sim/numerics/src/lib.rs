@@ -1,6 +1,7 @@
-//! Numerical methods that the crates above share: nonlinear least squares, extremes of functions of one variable, and
-//! statistics of samples. Each is here once, and tested against published reference values.
+//! Numerical methods that the crates above share: nonlinear least squares, extremes of functions of one variable,
+//! colored noise, and statistics of samples. Each is here once, and tested against published reference values.
 
+pub mod autoregression;
 pub mod extremum;
 pub mod least_squares;
 pub mod linear;

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use rotorlead_answer::words::counted;
 use rotorlead_answer::{Answer, Tone, Verdict};
 use rotorlead_identify::check::{Findings, RecordFault, of_lag, of_record};
+use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_identify::stand::{StandOptions, identify_stand};
-use rotorlead_identify::{IdentifyOptions, identify};
 use rotorlead_records::{Excitation, Experiment, Finding, Inspection, Role, Severity, Topic, Unreadable};
 use serde_json::json;
 

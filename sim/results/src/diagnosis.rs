@@ -6,7 +6,8 @@ use rotorlead_assess::{Known, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
-use rotorlead_identify::{Estimate, IdentifyOptions};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_plant::effect::{Kind, Parameter, Use};
 use rotorlead_plant::{Model, Point, Provenance};
 use rotorlead_records::Experiment;

@@ -1,7 +1,8 @@
 //! Noise and nonlinear distortion, per nominal command.
 
 use rotorlead_answer::{Cell, Column, Table};
-use rotorlead_identify::{DistortionLevel, NominalIdentification, PeriodicIdentification};
+use rotorlead_identify::frequency_response::distortion::DistortionLevel;
+use rotorlead_identify::lag::multisine::{NominalIdentification, PeriodicIdentification};
 use serde::Serialize;
 
 /// The levels at one nominal command, dB; null where its records do not tell them.

@@ -1,7 +1,7 @@
 //! Numbers with their standard errors.
 
 use rotorlead_answer::with_std;
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::effect::Parameter;
 
 /// The interval that a parameter is looked at in where its bounds may say as much.

@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Verdict, with_std};
-use rotorlead_identify::parametric::{OrderScore, Root};
+use rotorlead_identify::goodness_of_fit::{power_over_noise, times_noise};
 use rotorlead_identify::stand::StandIdentification;
-use rotorlead_identify::{power_over_noise, times_noise};
+use rotorlead_identify::stand::transfer_function::{OrderScore, Root};
 use rotorlead_records::{Finding, Severity, Topic};
 use serde_json::{Map, Value, json};
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use rotorlead_answer::{Answer, Cell, Column, Figure, Table};
 use rotorlead_assess::{LEVEL, SMALLEST_ERROR_PERCENT, wrong};
-use rotorlead_identify::{
+use rotorlead_identify::validate::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
 use rotorlead_plant::Judgement;

@@ -5,7 +5,10 @@ use std::f64::consts::TAU;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_identify::{ChirpIdentification, FirstOrderOptions, IdentifyError, IdentifyWarning, identify_chirps};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::lag::chirp::{ChirpIdentification, identify_chirps};
+use rotorlead_identify::lag::first_order::FirstOrderOptions;
+use rotorlead_identify::lag::multisine::IdentifyWarning;
 use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 
 const ROW_S: f64 = 0.002;

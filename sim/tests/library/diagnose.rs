@@ -2,7 +2,7 @@
 //! its judgment.
 
 use rotorlead_diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
-use rotorlead_identify::IdentifyError;
+use rotorlead_identify::error::IdentifyError;
 use rotorlead_plant::Catalog;
 use rotorlead_records::{Excitation, Role};
 

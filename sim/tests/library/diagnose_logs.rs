@@ -5,7 +5,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use rotorlead_diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
-use rotorlead_identify::IdentifyError;
+use rotorlead_identify::error::IdentifyError;
 use rotorlead_plant::effect::Kind;
 use rotorlead_plant::{
     Actuator, Catalog, Drive, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_identify::HoldChain;
+use rotorlead_identify::frequency_response::hold::HoldChain;
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{Lag, Model, Point};
 

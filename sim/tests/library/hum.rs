@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_identify::{Spectrum, SpectrumOptions};
+use rotorlead_identify::spectra::{Spectrum, SpectrumOptions};
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::{Lag, Model, Noise, Point};
 use rotorlead_records::Excitation;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_identify::{IdentifyOptions, identify};
+use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_records::{Excitation, Output};
 

@@ -4,7 +4,7 @@
 use std::fs;
 
 use proptest::prelude::*;
-use rotorlead_identify::{IdentifyOptions, Lags, identify};
+use rotorlead_identify::identification::{IdentifyOptions, Lags, identify};
 use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_records::{Excitation, Record};
 

@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 use rotorlead_diagnose::Diagnosis;
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::effect::Parameter;
 use rotorlead_plant::{Color, Model, Noise, StaticMap};

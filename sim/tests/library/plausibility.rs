@@ -2,10 +2,9 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rotorlead_identify::{
-    FirstOrderFit, IdentifyError, IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic,
-    with_advice,
-};
+use rotorlead_identify::error::{IdentifyError, with_advice};
+use rotorlead_identify::lag::first_order::FirstOrderFit;
+use rotorlead_identify::lag::multisine::{IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::{Lag, Model, Noise, Point};
 use rotorlead_records::{Excitation, Experiment};

@@ -3,7 +3,7 @@
 use rotorlead_design::redesign::{KindOptions, Redesign, RedesignOptions, redesign};
 use rotorlead_design::{Chain, DesignOptions, InverseOptions, bandwidths, design, steps};
 use rotorlead_diagnose::{Options, Verdict, diagnose};
-use rotorlead_identify::Bandwidth;
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
 

@@ -4,11 +4,13 @@ use miette::Diagnostic as _;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::identification::{IdentifyOptions, identify};
+use rotorlead_identify::lag::steps::Direction;
 use rotorlead_identify::static_map::{
     Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, SteadySource, fit_static_map,
 };
-use rotorlead_identify::steps::Direction;
-use rotorlead_identify::{Estimate, IdentifyError, IdentifyOptions, identify};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 /// Thrust in newtons: zero below the dead zone, then a polynomial, flat beyond the limit, with play.

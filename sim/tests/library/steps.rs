@@ -3,8 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_identify::Estimate;
-use rotorlead_identify::steps::{
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::lag::steps::{
     Direction, SPLITS, StaircaseFit, StepsError, StepsWarning, compare_laws, fit_staircase,
 };
 use rotorlead_records::{Excitation, Output, Record};

@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use rotorlead::design::{LeadDesign, LeadParameters};
-use rotorlead_identify::{Comparison, Domain, IdentifyError, RecordValidation, table_2, validate};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::validate::{Comparison, Domain, RecordValidation, table_2, validate};
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::{Color, Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
 use rotorlead_records::{Excitation, Experiment, Output, Role};

@@ -10,7 +10,7 @@ use rotorlead_design::redesign::KindOptions;
 use rotorlead_design::{
     Chain, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths, chain_phases, design, design_inverse,
 };
-use rotorlead_identify::Bandwidth;
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_plant::{CompensatorDesign, Model, Point};
 use serde::Serialize;
 

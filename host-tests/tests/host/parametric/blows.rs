@@ -7,9 +7,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rotorlead_fourier as fourier;
-use rotorlead_identify::Estimate;
-use rotorlead_identify::IdentifyError;
-use rotorlead_identify::parametric::{Root, TransferFunction};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::stand::transfer_function::{Root, TransferFunction};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 

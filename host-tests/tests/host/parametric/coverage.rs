@@ -5,8 +5,8 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_identify::Estimate;
-use rotorlead_identify::parametric::{ParametricFit, Structure, fit_parametric};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::stand::transfer_function::{ParametricFit, Structure, fit_parametric};
 
 use super::synthesis::Synthesis;
 use super::tally::{BIAS, Found, Pooled, SPREAD, Tally, first_seed, repeats, study_all};

@@ -6,8 +6,9 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rotorlead_identify::frequency_response::hold::HoldChain;
+use rotorlead_identify::lag::multisine::{IdentifyWarning, PeriodicOptions, identify_periodic};
 use rotorlead_identify::stand::{StandModel, StandRoot};
-use rotorlead_identify::{HoldChain, IdentifyWarning, PeriodicOptions, identify_periodic};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::stand::truth;

@@ -11,7 +11,10 @@ use num_complex::Complex64;
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_identify::{FirstOrderFit, HoldChain, PeriodicOptions, identify_periodic, run_actuator};
+use rotorlead_identify::frequency_response::hold::HoldChain;
+use rotorlead_identify::lag::first_order::FirstOrderFit;
+use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
+use rotorlead_identify::simulation::run_actuator;
 use rotorlead_plant::{Actuator, EscTiming, Lag, OperatingPoint};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 

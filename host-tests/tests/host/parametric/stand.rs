@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_identify::FrequencyResponse;
-use rotorlead_identify::parametric::{Root, TransferFunction};
+use rotorlead_identify::frequency_response::FrequencyResponse;
+use rotorlead_identify::stand::transfer_function::{Root, TransferFunction};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, fit_stand};
 
 use super::synthesis::Synthesis;

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_identify::FrequencyResponse;
+use rotorlead_identify::frequency_response::FrequencyResponse;
 
 /// Lines whose variances are pooled, to either side.
 const POOL: usize = 5;

@@ -6,7 +6,7 @@
 //! repeats is the error of its mean.
 
 use nalgebra::DMatrix;
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 
 /// An estimate and its 95 % interval.
 pub type Found = (Estimate, (f64, f64));

@@ -3,7 +3,8 @@
 use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict, with_std};
 use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
 use rotorlead_design::BandwidthPoint;
-use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
+use rotorlead_identify::validate::{FitBesideCeiling, table_2};
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER};
 use rotorlead_results::{bandwidth_cell, bandwidth_range, lags};
 

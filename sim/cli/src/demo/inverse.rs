@@ -2,7 +2,8 @@
 
 use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Series, Table};
 use rotorlead_design::{BandwidthPoint, Chain, InverseOptions, StepPoint, Stepped, bandwidths, design_inverse, steps};
-use rotorlead_identify::{EtfeBandwidth, PeriodicOptions, identify_periodic};
+use rotorlead_identify::frequency_response::bandwidth::EtfeBandwidth;
+use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::Plan;
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Excitation;
@@ -41,9 +42,9 @@ pub(super) struct InverseDemonstration {
 #[derive(Serialize)]
 pub(super) struct Row {
     nominal: f64,
-    simulated_rad_s: rotorlead_identify::Bandwidth,
-    measured_rad_s: rotorlead_identify::Bandwidth,
-    measured_interval_rad_s: [rotorlead_identify::Bandwidth; 2],
+    simulated_rad_s: rotorlead_identify::frequency_response::bandwidth::Bandwidth,
+    measured_rad_s: rotorlead_identify::frequency_response::bandwidth::Bandwidth,
+    measured_interval_rad_s: [rotorlead_identify::frequency_response::bandwidth::Bandwidth; 2],
     steps: Vec<StepPoint>,
 }
 

@@ -14,10 +14,13 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use rotorlead_answer::{Answer, Color, Figure, FigureKind, Mark, Report, Section};
 use rotorlead_design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
-use rotorlead_identify::{
-    Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
-    PeriodicOptions, RecordValidation, bandwidth_of, identify_periodic, validate,
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, EtfeBandwidth, bandwidth_of};
+use rotorlead_identify::identification::IdentifyOptions;
+use rotorlead_identify::lag::multisine::MeasuredBandwidth;
+use rotorlead_identify::lag::multisine::{
+    NominalIdentification, PeriodicIdentification, PeriodicOptions, identify_periodic,
 };
+use rotorlead_identify::validate::{RecordValidation, validate};
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
 use rotorlead_records::files::{Quantity, make_folder, write_file};

@@ -14,7 +14,7 @@ use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::Kind;
 use serde::Serialize;
 
-use rotorlead_identify::THREE_DB;
+use rotorlead_identify::frequency_response::bandwidth::THREE_DB;
 
 /// Frequencies are searched from this part of the highest one on, in steps of this factor.
 const LOWEST_PART: f64 = 1e-4;

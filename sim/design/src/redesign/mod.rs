@@ -24,7 +24,7 @@ use sweep::Sweep;
 use super::{
     BandwidthPoint, Chain, CompensatorError, DesignOptions, InverseOptions, bandwidths_with, design, design_inverse,
 };
-use rotorlead_identify::Bandwidth;
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 
 /// Amplitude of the paper's experiments.
 pub const PAPER_AMPLITUDE: f64 = 0.05;

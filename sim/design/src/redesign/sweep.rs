@@ -9,7 +9,7 @@ use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, FilterDesign, Law, Model, PlantError};
 use serde::Serialize;
 
-use rotorlead_identify::{Bandwidth, THREE_DB};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, THREE_DB};
 
 /// The search begins at this part of the pole and goes on by this factor, then halves the bracket so many times.
 const FIRST_OF_POLE: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! Confirm: how far simulation and measurement are apart on what was held out, before and after, and how far noise alone
 //! would keep them apart.
 
-use rotorlead_identify::align;
+use rotorlead_identify::simulation::align;
 use serde::Serialize;
 
 use super::plateau_gap::{self, SplitGap};

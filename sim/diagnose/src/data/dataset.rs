@@ -5,7 +5,9 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rotorlead_identify::{IdentifyError, commands_per_row, response_of, upsampled};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::rows::columns::response_column;
+use rotorlead_identify::simulation::periodic::{commands_per_row, upsampled};
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_plant::{Lag, OperatingCurve};
 use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role};
@@ -234,7 +236,7 @@ impl Dataset {
 impl Record {
     fn new(experiment: &Experiment, source: &SourceRecord, point: usize) -> Result<Self, DiagnoseError> {
         let file = || source.file.clone();
-        let measured = response_of(source, experiment.output)?;
+        let measured = response_column(source, experiment.output)?;
         let command = applied(source)?;
         let rate_hz = source.sample_rate_hz()?;
         let periods = source.periods()?;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_identify::steps::{SPLITS, Split as StepSplit};
+use rotorlead_identify::lag::steps::{SPLITS, Split as StepSplit};
 use rotorlead_plant::Trace;
 use rotorlead_records::Excitation;
 

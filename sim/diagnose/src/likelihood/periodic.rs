@@ -1,7 +1,7 @@
 //! The likelihood of records that repeat: white lines of a spectrum, one sum of squares over all of them.
 
 use num_complex::Complex64;
-use rotorlead_identify::align;
+use rotorlead_identify::simulation::align;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Trace;
 

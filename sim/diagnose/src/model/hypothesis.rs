@@ -1,7 +1,7 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
 use num_complex::Complex64;
-use rotorlead_identify::offset_and_start;
+use rotorlead_identify::simulation::offset_and_start;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{

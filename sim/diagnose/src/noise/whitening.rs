@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use num_complex::Complex64;
 use rotorlead_fourier::{RealToComplex, real_forward};
-use rotorlead_identify::density;
+use rotorlead_identify::spectra::density;
 
 /// Share of the row rate up to which residuals are compared: above, a logger's own filter acts.
 const HIGHEST_PART: f64 = 0.45;

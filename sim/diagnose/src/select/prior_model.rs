@@ -1,6 +1,6 @@
 //! Numbers of a given model: kept where nothing is better, called wrong where others are.
 
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 
 use crate::data::dataset::{Dataset, Split};
 use crate::estimate::fit::{Fit, fit};

@@ -3,9 +3,7 @@
 use std::ops::Range;
 
 use super::AlignmentError;
-
-/// An interval between rows longer than this many usual ones is a gap, through which nothing is interpolated.
-const GAP_INTERVALS: f64 = 2.5;
+use crate::rows::gaps::{rows_after_gaps, usual_interval_s};
 
 /// What was commanded, on the commanding computer's clock.
 #[derive(Clone, Copy, Debug)]
@@ -98,25 +96,17 @@ impl ResponseLog<'_> {
         ends(self.time_s)
     }
 
-    /// Median time between rows, seconds.
+    /// Median time between rows, seconds; the times increase, so there is one.
     pub(super) fn interval_s(&self) -> f64 {
-        let mut intervals: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let middle = intervals.len() / 2;
-        *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
+        usual_interval_s(self.time_s).unwrap_or(f64::INFINITY)
     }
 
     /// The segments of rows without a gap.
     pub(super) fn runs(&self) -> Vec<Range<usize>> {
-        let longest_s = GAP_INTERVALS * self.interval_s();
-        let mut runs = Vec::new();
-        let mut start = 0;
-        for row in 1..=self.time_s.len() {
-            if row == self.time_s.len() || self.time_s[row] - self.time_s[row - 1] > longest_s {
-                runs.push(start..row);
-                start = row;
-            }
-        }
-        runs
+        let mut starts = vec![0];
+        starts.extend(rows_after_gaps(self.time_s));
+        let ends = starts[1..].iter().copied().chain([self.time_s.len()]);
+        starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
     }
 }
 

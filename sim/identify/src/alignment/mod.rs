@@ -6,7 +6,7 @@
 //! 1. the logs as they are: commands stand until the next row, responses have gaps (`logs`);
 //! 2. correlation over all shifts and some skews says where to begin (`coarse`);
 //! 3. delay, skew and a first-order lag are fitted together (`problem`), so that the lag is not taken for delay;
-//! 4. what is left says the color of the noise (`color`), and the fit is done again on whitened rows: maximum likelihood,
+//! 4. what is left says the color of the noise (`rotorlead_numerics::autoregression`), and the fit is done again on whitened rows: maximum likelihood,
 //!    with standard errors that hold for colored noise.
 //!
 //! Where both logs have the response, it is what aligns them, without a lag; delay and skew then come from each second by itself
@@ -23,7 +23,6 @@
 
 mod blocks;
 mod coarse;
-mod color;
 mod error;
 mod logs;
 mod merge;
@@ -36,6 +35,7 @@ use std::fmt;
 use std::ops::Range;
 
 use nalgebra::DVector;
+use rotorlead_numerics::autoregression::{autoregression, whitened_rows};
 use rotorlead_numerics::least_squares::{Limits, Residuals as _, Solution, minimize};
 use rotorlead_numerics::sample::mean;
 
@@ -43,12 +43,9 @@ pub use error::AlignmentError;
 pub use logs::{CommandLog, ResponseLog};
 pub use merge::{Merged, MergedRows, merge};
 
-use super::Estimate;
-use super::fit_percent::fit_percent;
+use crate::estimate::Estimate;
+use crate::goodness_of_fit::fit_percent;
 use coarse::Candidate;
-pub(super) use color::autoregression;
-use color::rows_left;
-pub(super) use color::whiten;
 use logs::{Drive, DriveKind};
 use problem::{DELAY, GAIN, MOST_POWERS, Problem};
 
@@ -399,7 +396,7 @@ fn white_variance(problem: &Problem<'_>, solution: &Solution) -> f64 {
 }
 
 fn degrees_of_freedom(problem: &Problem<'_>) -> f64 {
-    let rows = rows_left(problem.runs, problem.color.len());
+    let rows = whitened_rows(problem.runs, problem.color.len());
     rows.saturating_sub(problem.parameters() + problem.color.len()).max(1) as f64
 }
 

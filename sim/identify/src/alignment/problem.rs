@@ -17,9 +17,9 @@
 use std::ops::Range;
 
 use nalgebra::DMatrix;
+use rotorlead_numerics::autoregression::whiten;
 use rotorlead_numerics::least_squares::Residuals;
 
-use super::color::whiten;
 use super::logs::DriveKind;
 
 pub(super) const DELAY: usize = 0;

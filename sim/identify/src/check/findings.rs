@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use rotorlead_records::{Finding, Severity, Topic};
 
-use crate::IdentifyError;
+use crate::error::IdentifyError;
 
 /// What was found, in the order in which it was.
 #[derive(Clone, Debug, Default, PartialEq)]

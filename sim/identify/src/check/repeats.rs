@@ -3,7 +3,7 @@
 use rotorlead_records::Record;
 
 use super::RecordFault;
-use super::units::usual_interval;
+use crate::rows::gaps::usual_interval_s;
 
 /// Changes of the response that it takes to tell.
 const FEWEST_CHANGES: usize = 20;
@@ -39,7 +39,7 @@ pub(super) fn of_repeats(record: &Record, response: &[f64], column: &'static str
     let single = runs.iter().filter(|rows| rows.abs_diff(usual) <= 1).count().max(1);
     let rows_in_single: usize = runs.iter().filter(|rows| rows.abs_diff(usual) <= 1).sum();
     let rows_per_reading = rows_in_single as f64 / single as f64;
-    let rate_hz = 1.0 / usual_interval(&record.time_s[first..=last])?;
+    let rate_hz = 1.0 / usual_interval_s(&record.time_s[first..=last])?;
     let readings_hz = rate_hz / rows_per_reading;
     Some(RecordFault::Repeats { file: record.file.clone(), column, rows_per_reading, readings_hz })
 }

@@ -8,12 +8,14 @@ use rotorlead_records::{Excitation, Experiment, Finding, Record, Severity, Topic
 use super::RecordFault;
 use super::period::of_period;
 use super::repeats::of_repeats;
-use super::units::{of_command, of_response, of_time, usual_interval};
-use crate::even_rows;
-use crate::periodic::plausibility;
-use crate::saturation::{self, Limit};
-use crate::steps::rows_after_gaps;
-use crate::{IdentifyError, IdentifyWarning};
+use super::units::{of_command, of_response, of_time};
+use crate::error::IdentifyError;
+use crate::lag::multisine::IdentifyWarning;
+use crate::lag::multisine::plausibility;
+use crate::rows::clipping;
+use crate::rows::clipping::Limit;
+use crate::rows::even;
+use crate::rows::gaps::{rows_after_gaps, usual_interval_s};
 
 /// Rows a second below which no motor's lag is seen.
 const SLOWEST_HZ: f64 = 40.0;
@@ -93,7 +95,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
 /// Whether rows are too few for the lags that were found.
 #[must_use]
 pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
-    let rate_hz = 1.0 / usual_interval(&record.time_s)?;
+    let rate_hz = 1.0 / usual_interval_s(&record.time_s)?;
     let near = |point: &&Point| (point.nominal - record.nominal).abs();
     let point = points.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
     let time_constant_s = point.time_constant_s;
@@ -115,8 +117,8 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
     let gaps = match record.excitation {
         // Steps are fitted around gaps, and the fit says what they cost.
         Excitation::Step | Excitation::Staircase => Vec::new(),
-        Excitation::Chirp => even_rows::gaps(&record.time_s),
-        _ => rows_after_gaps(&record.time_s).0,
+        Excitation::Chirp => even::gaps(&record.time_s),
+        _ => rows_after_gaps(&record.time_s),
     };
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
         let (row, longest_s) = (longest + 1, interval(longest));
@@ -126,7 +128,7 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
         add(Topic::Sampling, uneven.row(), &uneven);
     }
     if is_in_seconds
-        && let Some(interval_s) = usual_interval(&record.time_s)
+        && let Some(interval_s) = usual_interval_s(&record.time_s)
         && 1.0 / interval_s < SLOWEST_HZ
     {
         add(Topic::Sampling, None, &RecordFault::SlowRows { file: file(), rate_hz: 1.0 / interval_s });
@@ -138,7 +140,7 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
     let file = || record.file.clone();
     let command = &record.command;
     if matches!(record.excitation, Excitation::Multisine | Excitation::Triangle | Excitation::Chirp) {
-        for Limit { at, rows } in saturation::limits(command) {
+        for Limit { at, rows } in clipping::limits(command) {
             add(Topic::Saturation, None, &RecordFault::CommandCutOff { file: file(), rows, at });
         }
     }
@@ -170,7 +172,7 @@ fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<Iden
     match record.excitation {
         Excitation::Square | Excitation::Triangle => {
             // A sensor of few steps without noise stands still on the plateau at either end; one that is cut off, at one.
-            let limits = match &saturation::limits(response)[..] {
+            let limits = match &clipping::limits(response)[..] {
                 [one] => vec![*one],
                 _ => Vec::new(),
             };
@@ -180,7 +182,7 @@ fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<Iden
         }
         // A motor that stands still reads zero.
         Excitation::Free => {
-            saturation::limits(response).into_iter().filter(|limit| limit.at != 0.0).map(saturated).collect()
+            clipping::limits(response).into_iter().filter(|limit| limit.at != 0.0).map(saturated).collect()
         }
         _ => Vec::new(),
     }

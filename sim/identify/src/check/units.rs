@@ -5,6 +5,7 @@ use rotorlead_records::files::shown_to;
 use rotorlead_records::{Output, Record};
 
 use super::RecordFault;
+use crate::rows::gaps::usual_interval_s;
 
 /// Rows that are further apart, in seconds, show no motor.
 const SLOWEST_ROWS_S: f64 = 0.5;
@@ -150,7 +151,7 @@ fn is_command(response: &[f64], nominal: f64) -> bool {
 /// Whether `time_s` is in a unit other than seconds: by the rate that `experiment.toml` states, by the period after which the
 /// command repeats, or by rows that no motor could be seen in.
 pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordFault> {
-    let interval = usual_interval(&record.time_s)?;
+    let interval = usual_interval_s(&record.time_s)?;
     let fault = |(unit, factor): (&'static str, f64), reason: String| {
         let interval = (interval * 1e9).round() / 1e9;
         RecordFault::TimeUnit { file: record.file.clone(), interval, reason, unit, factor }
@@ -230,11 +231,6 @@ fn thrust_per_power(record: &Record, response: &[f64]) -> Option<f64> {
     let powers = voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes);
     let (power, thrust) = (median(powers)?, median(response.iter().copied())?);
     (power >= LEAST_POWER_W && extent(response).0 > 0.0).then(|| thrust / power)
-}
-
-/// The median difference of times, above zero; `None` for fewer than two rows.
-pub(super) fn usual_interval(time_s: &[f64]) -> Option<f64> {
-    median(time_s.windows(2).map(|pair| pair[1] - pair[0])).filter(|interval| *interval > 0.0)
 }
 
 #[cfg(test)]

@@ -27,7 +27,9 @@ use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Experiment, Record};
 
 use super::{FrequencyResponse, ResponseLine};
-use crate::{IdentifyError, spectra};
+use crate::error::IdentifyError;
+use crate::rows::columns;
+use crate::spectra;
 
 /// Coefficients of a parabola.
 const COEFFICIENTS: usize = 3;
@@ -80,8 +82,8 @@ impl LocalPolynomial {
         record: &Record,
         options: &LocalPolynomialOptions,
     ) -> Result<Self, IdentifyError> {
-        let response = spectra::response_of(record, experiment.output)?;
-        let row_rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
+        let response = columns::response_column(record, experiment.output)?;
+        let row_rate_hz = columns::row_rate_hz(record, experiment.sample_rate_hz)?;
         let (low_hz, high_hz) = options.band_hz;
         if !(4..=10_000).contains(&options.half_width) {
             let value = options.half_width as f64;

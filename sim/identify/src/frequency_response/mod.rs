@@ -3,19 +3,23 @@
 //! From a periodic record: the ratio of mean response to mean command at each excited line
 //! ([`FrequencyResponse::of`]). From any other record: the local polynomial method
 //! ([`LocalPolynomial`]). Either is what the rows show of the recorded command's samples: the holds of
-//! loop and ESC are in it ([`super::HoldChain`]).
+//! loop and ESC are in it ([`hold::HoldChain`]).
 
 mod band;
-mod curve;
+pub mod bandwidth;
+pub mod distortion;
+pub mod etfe;
+pub mod hold;
 mod local_polynomial;
 #[cfg(test)]
 mod tests;
 
 use num_complex::Complex64;
 
-use super::sample::{mean, of_mean, sample_variance};
-use super::{IdentifyError, Line, Spectrum, noise};
-pub(super) use curve::off_the_curve;
+use crate::error::IdentifyError;
+use crate::estimate::uncertainty::NoiseKnowledge;
+use crate::spectra::period_statistics::{mean, of_mean, sample_variance};
+use crate::spectra::{Line, Spectrum, noise};
 pub use local_polynomial::{LocalPolynomial, LocalPolynomialOptions};
 
 /// One line of a frequency response.
@@ -97,6 +101,14 @@ impl FrequencyResponse {
             degrees_of_freedom: (pooled.neighbors * (count - 1)) as f64,
             periods: count,
         })
+    }
+
+    /// What is known of the noise behind its lines.
+    pub(crate) fn noise_knowledge(&self) -> NoiseKnowledge {
+        let dof = self.degrees_of_freedom;
+        // Without periods the degrees of freedom come from neighbors, two lines' worth of them at least.
+        let of_one_line = self.periods.saturating_sub(1).max(1) as f64;
+        NoiseKnowledge { dof, pooled: if dof.is_finite() { (dof / of_one_line).max(1.0) } else { 1.0 } }
     }
 
     /// The response with a known factor (argument in rad/s) taken out, for instance the holds or a stand.

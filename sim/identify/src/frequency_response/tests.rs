@@ -13,9 +13,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
+use crate::frequency_response::etfe::{Etfe, ResponsePoint};
+use crate::spectra;
+use crate::spectra::SpectrumOptions;
 use crate::spectra::estimate::{Periods, estimate};
 use crate::testing::{experiment, noise, record};
-use crate::{Etfe, ResponsePoint, SpectrumOptions, spectra};
 
 /// Bins are 0.1 Hz apart.
 const BIN_RAD_S: f64 = TAU * 0.1;

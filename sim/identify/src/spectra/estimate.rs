@@ -4,10 +4,13 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
+use super::off_curve::off_the_curve;
 use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
-use crate::noise::sinusoid::Sinusoid;
-use crate::sample::{mean, of_mean, sample_variance};
-use crate::{IdentifyError, TransientTest, frequency_response, noise, transient};
+use crate::error::IdentifyError;
+use crate::spectra::noise::sinusoid::Sinusoid;
+use crate::spectra::period_statistics::{mean, of_mean, sample_variance};
+use crate::spectra::transient::TransientTest;
+use crate::spectra::{noise, transient};
 
 /// What the computer leaves of a response that repeats exactly, relative to the largest line.
 const ROUNDING: f64 = 1e-10;
@@ -122,7 +125,7 @@ pub(crate) fn estimate(periods: &Periods, options: &SpectrumOptions, file: &str)
 
     let omega_rad_s = |bin: usize| periods.bin_rad_s * bin as f64;
     let ratio_variance: Vec<_> = noise.variance.iter().zip(&mean_command).map(|(v, u)| v / u.norm_sqr()).collect();
-    let off_the_curve = frequency_response::off_the_curve(&ratio, &ratio_variance);
+    let off_the_curve = off_the_curve(&ratio, &ratio_variance);
     let sign_of = |k: usize| {
         if noise.stands_out[k] {
             Some(DisturbanceSign::ScattersOverPeriods)

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use rotorlead_records::Record;
 
 use super::estimate::{Estimated, Periods, estimate};
-use super::{Spectrum, SpectrumOptions, period};
-use crate::IdentifyError;
+use super::{Spectrum, SpectrumOptions};
+use crate::error::IdentifyError;
+use crate::rows::columns::period_rows;
 
 /// Where the whole periods of a record lie.
 #[derive(Clone, Copy, Debug)]
@@ -25,9 +26,9 @@ impl Frame {
     /// Of a record of so many rows.
     ///
     /// # Errors
-    /// Those of [`period`]; [`IdentifyError::TooShort`] for less than a period.
+    /// Those of [`period_rows`]; [`IdentifyError::TooShort`] for less than a period.
     pub(super) fn new(record: &Record, row_rate_hz: f64, rows: usize) -> Result<Self, IdentifyError> {
-        let (period_s, length) = period(record, row_rate_hz)?;
+        let (period_s, length) = period_rows(record, row_rate_hz)?;
         let periods = rows / length;
         if periods == 0 {
             return Err(IdentifyError::TooShort { file: record.file.clone(), rows, period_rows: length });

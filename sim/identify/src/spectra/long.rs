@@ -7,8 +7,9 @@ use thiserror::Error;
 
 use super::band::Band;
 use super::frame::Frame;
-use super::{Spectrum, SpectrumOptions, rate_of};
-use crate::IdentifyError;
+use super::{Spectrum, SpectrumOptions};
+use crate::error::IdentifyError;
+use crate::rows::columns::{check_even_rows, mean_row_rate_hz};
 
 /// Why there is no spectrum of a long record.
 #[derive(Debug, Error, Diagnostic)]
@@ -41,7 +42,7 @@ impl Spectrum {
         let mut count = record.row_count_by_lines()?;
         let mut keep = None;
         loop {
-            let rate_hz = rate_of(experiment.sample_rate_hz, count.rows, count.first_s, count.last_s);
+            let rate_hz = mean_row_rate_hz(experiment.sample_rate_hz, count.rows, count.first_s, count.last_s);
             // Without a frame the rows are read all the same: the lines may be miscounted, and what is wrong with the
             // rows comes before what is wrong with the period.
             let frame = Frame::new(header, rate_hz, count.rows);
@@ -83,7 +84,7 @@ fn read_even(
         each(rows);
     })?;
     if found == *count {
-        super::check_even(farthest, &record.header.file)?;
+        check_even_rows(farthest, &record.header.file)?;
     }
     Ok(found)
 }
@@ -98,8 +99,8 @@ mod tests {
     use rotorlead_records::files::testing::{Scratch, report};
 
     use super::*;
+    use crate::lag::multisine::{PeriodicOptions, identify_periodic};
     use crate::testing::{experiment, noise, record};
-    use crate::{PeriodicOptions, identify_periodic};
 
     const RATE_HZ: f64 = 1000.0;
     const PERIOD_S: f64 = 2.0;

@@ -2,25 +2,32 @@
 //!
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
-//! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
-//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of the excitation's
+//! estimates it, the spread over periods gives the noise (`noise` pools it over neighbors),
+//! first periods that carry a transient are left out ([`transient`]), sinusoids that are none of the excitation's
 //! are subtracted (of two periods before that test), and lines on which a disturbance is left are left out. The bins between the excited ones are kept
-//! too: what repeats there is no linear response ([`super::Distortion`]).
+//! too: what repeats there is no linear response ([`Distortion`](crate::frequency_response::distortion::Distortion)).
 
 mod band;
-pub(super) mod estimate;
+pub(crate) mod estimate;
 mod frame;
 mod long;
+pub(crate) mod noise;
+mod off_curve;
+pub(crate) mod period_statistics;
 mod transform;
+pub mod transient;
 
 use num_complex::Complex64;
-use rotorlead_records::{Experiment, LongRows, Output, Record};
+use rotorlead_records::{Experiment, LongRows, Record};
 
 use band::Band;
 use frame::Frame;
 
-use super::{IdentifyError, TransientTest};
+use crate::error::IdentifyError;
+use crate::rows::columns::{response_column, row_rate_hz};
+use crate::spectra::transient::TransientTest;
 pub use long::LongRecordError;
+pub use noise::density;
 pub(super) use transform::transform;
 
 /// How spectra are taken.
@@ -162,66 +169,6 @@ pub struct Spectrum {
     pub removed: Vec<RemovedSinusoid>,
 }
 
-/// A record's response column, checked to be as long as its time and command.
-pub fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
-    let rows = record.time_s.len();
-    record
-        .response(output)
-        .filter(|response| response.len() == rows && record.command.len() == rows)
-        .ok_or_else(|| IdentifyError::NoResponse { file: record.file.clone(), column: output.column(), rows })
-}
-
-/// Rows per second of a record: as stated, or as its times say.
-///
-/// # Errors
-/// [`IdentifyError::UnevenRows`] when a row is more than a tenth of a row away from even spacing,
-/// [`IdentifyError::TooShort`] when there are fewer than two rows.
-pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64, IdentifyError> {
-    let (Some(&first), Some(&last)) = (record.time_s.first(), record.time_s.last()) else {
-        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 0, period_rows: 2 });
-    };
-    if record.time_s.len() == 1 {
-        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 1, period_rows: 2 });
-    }
-    let rate = rate_of(stated_hz, record.time_s.len(), first, last);
-    let worst = record
-        .time_s
-        .iter()
-        .enumerate()
-        .map(|(row, t)| (row, ((t - first) * rate - row as f64).abs()))
-        .fold((0, 0.0), |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a });
-    check_even(worst, &record.file)?;
-    Ok(rate)
-}
-
-/// Rows per second: as stated, or as the times of the first and the last of `rows` rows, two or more, say.
-fn rate_of(stated_hz: Option<f64>, rows: usize, first_s: f64, last_s: f64) -> f64 {
-    stated_hz.unwrap_or(rows.saturating_sub(1) as f64 / (last_s - first_s))
-}
-
-/// Refuses rows of which the farthest from an even spacing, `(row, off_by)`, is farther than a tenth of a row.
-fn check_even((row, off_by): (usize, f64), file: &str) -> Result<(), IdentifyError> {
-    if off_by.is_nan() || off_by > 0.1 {
-        return Err(IdentifyError::UnevenRows { file: file.to_owned(), row, off_by });
-    }
-    Ok(())
-}
-
-/// Period in seconds and in rows.
-///
-/// # Errors
-/// [`IdentifyError::NoPeriod`], or [`IdentifyError::PeriodRows`] when it is not a whole number of rows.
-pub(super) fn period(record: &Record, row_rate_hz: f64) -> Result<(f64, usize), IdentifyError> {
-    let file = || record.file.clone();
-    let period_s = record.period_s.ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
-    let rows = period_s * row_rate_hz;
-    let length = rows.round();
-    if !((rows - length).abs() <= 1e-3 && (4.0..=1e9).contains(&length)) {
-        return Err(IdentifyError::PeriodRows { file: file(), period_s, rows });
-    }
-    Ok((period_s, length as usize))
-}
-
 impl Spectrum {
     /// Transforms one periodic record of `experiment`.
     ///
@@ -231,7 +178,7 @@ impl Spectrum {
     /// [`IdentifyError`] when the record has no period, no response or a constant one, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
     pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
-        let response = response_of(record, experiment.output)?;
+        let response = response_column(record, experiment.output)?;
         if response.windows(2).all(|pair| pair[0] == pair[1]) {
             return Err(IdentifyError::ConstantResponse { file: record.file.clone() });
         }

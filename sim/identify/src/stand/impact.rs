@@ -27,7 +27,10 @@ use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Experiment, Record};
 
 use super::StandError;
-use crate::{FrequencyResponse, IdentifyError, ResponseLine, spectra};
+use crate::error::IdentifyError;
+use crate::frequency_response::{FrequencyResponse, ResponseLine};
+use crate::rows::columns;
+use crate::spectra;
 
 /// Lines to either side that the noise is pooled over.
 const HALF_WIDTH: usize = 6;
@@ -62,8 +65,8 @@ pub(super) fn response(
     let mut shape: Option<(usize, f64)> = None;
     let mut ringing = Vec::new();
     for record in records {
-        let response = spectra::response_of(record, experiment.output)?;
-        let rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
+        let response = columns::response_column(record, experiment.output)?;
+        let rate_hz = columns::row_rate_hz(record, experiment.sample_rate_hz)?;
         let (rows, first_rate_hz) = *shape.get_or_insert((response.len(), rate_hz));
         let unlike = |what| StandError::Unlike { file: record.file.clone(), what };
         if response.len() != rows {

@@ -5,11 +5,11 @@
 //! passes 50 Hz and is described by a transfer function of order eight. It is identified from blows, a shaker's chirp or noise, or a
 //! multisine, put in where the motor sits: the column `command` is then the force in newtons.
 
-mod clipped;
 mod error;
 mod impact;
 mod model;
 mod response;
+pub mod transfer_function;
 mod usable;
 
 use std::f64::consts::TAU;
@@ -17,10 +17,14 @@ use std::ops::RangeInclusive;
 
 use rotorlead_records::Experiment;
 
-use super::parametric::{OrderScore, ParametricFit, Root, select_order};
-use super::{Estimate, FrequencyResponse, IdentifyError, times_noise};
+use crate::error::IdentifyError;
+use crate::estimate::Estimate;
+use crate::frequency_response::FrequencyResponse;
+use crate::goodness_of_fit::times_noise;
+use crate::rows::clipping;
 pub use error::StandError;
 pub use model::{StandModel, StandRoot};
+use transfer_function::{OrderScore, ParametricFit, Root, select_order};
 
 /// How a stand is identified.
 #[derive(Clone, Debug, PartialEq)]
@@ -189,7 +193,7 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
             let response = record.response(experiment.output).unwrap_or_default();
             let columns = [("the force", record.command.as_slice()), ("the response", response)];
             columns.into_iter().filter_map(|(column, values)| {
-                let (at, rows) = clipped::peak(values)?;
+                let (at, rows) = clipping::cut_peak(values)?;
                 Some(StandWarning::Clipped { file: record.file.clone(), column, at, rows })
             })
         })

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use rotorlead_records::files::{Fault, FileError, Place, TomlFile, write_toml};
 use serde::{Deserialize, Serialize};
 
-use crate::parametric::{Root, TransferFunction};
+use crate::stand::transfer_function::{Root, TransferFunction};
 
 /// A stand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,9 +3,10 @@
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use super::{StandError, impact};
-use crate::{
-    FrequencyResponse, IdentifyError, LocalPolynomial, LocalPolynomialOptions, Spectrum, SpectrumOptions, spectra,
-};
+use crate::error::IdentifyError;
+use crate::frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynomialOptions};
+use crate::rows::columns;
+use crate::spectra::{Spectrum, SpectrumOptions};
 
 /// What was measured.
 pub(super) struct Measured {
@@ -24,12 +25,12 @@ pub(super) fn of(experiment: &Experiment, band_hz: (f64, f64)) -> Result<Measure
     let records: Vec<&Record> = experiment.records.iter().filter(usable).collect();
     let first = *records.first().ok_or_else(|| StandError::NoRecord { name: experiment.name.clone() })?;
     for record in &records {
-        let response = spectra::response_of(record, experiment.output)?;
+        let response = columns::response_column(record, experiment.output)?;
         if response.windows(2).all(|pair| pair[0] == pair[1]) {
             return Err(IdentifyError::ConstantResponse { file: record.file.clone() });
         }
     }
-    let rate_hz = spectra::row_rate_hz(first, experiment.sample_rate_hz)?;
+    let rate_hz = columns::row_rate_hz(first, experiment.sample_rate_hz)?;
     let band_hz = (band_hz.0, band_hz.1.min(0.45 * rate_hz));
     let blows: Vec<&Record> =
         records.iter().copied().filter(|r| r.excitation == Excitation::Free && impact::is_blow(r)).collect();

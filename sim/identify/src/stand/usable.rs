@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::Estimate;
-use crate::parametric::ParametricFit;
+use crate::estimate::Estimate;
+use crate::stand::transfer_function::ParametricFit;
 
 /// The deviation from the static value that ends the usable range: 3 dB to either side.
 pub(super) const DEVIATION_DB: f64 = 3.0;

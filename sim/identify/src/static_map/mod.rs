@@ -33,8 +33,8 @@ use thiserror::Error;
 
 pub use points::{SteadyPoint, SteadyPoints, SteadySource};
 
-use super::Estimate;
-use super::steps::{Direction, SAME_LEVEL};
+use crate::estimate::Estimate;
+use crate::lag::steps::{Direction, SAME_LEVEL};
 use shape::Shape;
 
 /// The highest degree tried.

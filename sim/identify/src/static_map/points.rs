@@ -6,7 +6,8 @@ use rotorlead_numerics::sample::{extent, mean, variance};
 use rotorlead_plant::StaticMap;
 use rotorlead_records::{Excitation, Output, Record};
 
-use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, State, StepsError, plateaus_of, without_spikes};
+use crate::lag::steps::{Direction, Plateau, Run, SAME_LEVEL, State, StepsError, plateaus_of};
+use crate::rows::spikes::without_spikes;
 
 /// A command and the response that it settles to.
 #[derive(Clone, Copy, Debug, PartialEq)]

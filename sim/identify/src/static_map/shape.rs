@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 
 use super::points::SteadyPoint;
-use crate::steps::Direction;
+use crate::lag::steps::Direction;
 
 /// Which terms a candidate has.
 #[derive(Clone, Copy, Debug, PartialEq)]

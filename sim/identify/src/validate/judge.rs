@@ -7,13 +7,17 @@ use rotorlead_records::{Excitation, Experiment, Output, Record};
 use super::left_over::LeftOver;
 use super::noise::{self, LevelNoise, PeriodNoise};
 use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
-use crate::effects::{Rates, simulated_periods};
-use crate::fit_percent::{fit_percent, percent_when_left, spread};
-use crate::steps::Run;
-use crate::{
-    Etfe, FitLine, FrequencyResponse, HoldChain, IdentifyError, ResponseLine, Spectrum, SpectrumOptions, align,
-    offset_and_start, run_actuator, spectra, start_of,
-};
+use crate::error::IdentifyError;
+use crate::frequency_response::etfe::Etfe;
+use crate::frequency_response::hold::HoldChain;
+use crate::frequency_response::{FrequencyResponse, ResponseLine};
+use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
+use crate::lag::first_order::FitLine;
+use crate::lag::steps::Run;
+use crate::rows::columns;
+use crate::simulation::periodic::{Rates, simulated_periods};
+use crate::simulation::{align, offset_and_start, run_actuator, start_of};
+use crate::spectra::{Spectrum, SpectrumOptions};
 
 /// Half width of the Hann window of what is drawn, lines: as in identification.
 const SMOOTHING_HALF_WIDTH: usize = 4;
@@ -80,9 +84,9 @@ impl Judge<'_> {
             // What a simulation shows has the holds in it, and they cannot be taken out again.
             without_holds.clone_from(&expected);
         }
-        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::Line::ratio).collect();
+        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::spectra::Line::ratio).collect();
         // Both the noise of the response over the command and the fit count each line alike.
-        let noise = spectrum.lines.iter().map(crate::Line::ratio_variance).sum();
+        let noise = spectrum.lines.iter().map(crate::spectra::Line::ratio_variance).sum();
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
         Ok(Score {
             fit_percent: percent,
@@ -96,7 +100,7 @@ impl Judge<'_> {
     /// lines that are not in both are taken out of `spectrum`.
     fn simulated_lines(&self, spectrum: &mut Spectrum) -> Result<Vec<Complex64>, IdentifyError> {
         let record = self.record;
-        let (_, length) = spectra::period(record, spectrum.row_rate_hz)?;
+        let (_, length) = columns::period_rows(record, spectrum.row_rate_hz)?;
         let actuator = self.actuator(Law::LinearAround(record.nominal))?;
         let rates = Rates { row_hz: spectrum.row_rate_hz, command_hz: self.experiment.command_rate_hz };
         let response = simulated_periods(actuator, self.command()?, length, spectrum.periods, rates)
@@ -122,7 +126,7 @@ impl Judge<'_> {
 
     fn around_nominal(&self) -> Result<Score, IdentifyError> {
         let record = self.record;
-        let measured = spectra::response_of(record, self.experiment.output)?;
+        let measured = columns::response_column(record, self.experiment.output)?;
         let command = self.command()?;
         let nominal = record.nominal;
         let tau_s = OperatingCurve::around_without_effects(self.model, nominal)
@@ -137,8 +141,8 @@ impl Judge<'_> {
         let rows = measured.len() as f64;
         let (noise, left_over) = match record.excitation {
             Excitation::Square | Excitation::Triangle => {
-                let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
-                let (_, length) = spectra::period(record, row_rate_hz)?;
+                let row_rate_hz = columns::row_rate_hz(record, self.experiment.sample_rate_hz)?;
+                let (_, length) = columns::period_rows(record, row_rate_hz)?;
                 let noise = PeriodNoise::of(&residual, length).filter(|noise| noise::shows(noise.variance, measured));
                 (noise.as_ref().map(|noise| noise.variance * rows), noise.and_then(|noise| noise.left_over()))
             }
@@ -162,7 +166,7 @@ impl Judge<'_> {
 
     fn over_range(&self) -> Result<Score, IdentifyError> {
         let (record, output) = (self.record, self.experiment.output);
-        let raw = spectra::response_of(record, output)?;
+        let raw = columns::response_column(record, output)?;
         let command = self.command()?;
         let run = (record.excitation == Excitation::Staircase).then(|| Run::of(record, output)).transpose()?;
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
@@ -246,7 +250,7 @@ fn compared(
 ) -> Result<ComparedLines, IdentifyError> {
     let holds: Vec<Complex64> = expected.iter().zip(&model).map(|(seen, model)| seen / model).collect();
     let etfe = Etfe::new(&spectrum.lines, expected, SMOOTHING_HALF_WIDTH)?.divided_by(&holds)?;
-    let line = |point: &crate::ResponsePoint| ResponseLine {
+    let line = |point: &crate::frequency_response::etfe::ResponsePoint| ResponseLine {
         omega_rad_s: point.omega_rad_s,
         response: point.response,
         variance: point.variance,

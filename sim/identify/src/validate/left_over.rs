@@ -8,7 +8,8 @@
 use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
 
-use crate::{Line, power_over_noise};
+use crate::goodness_of_fit::power_over_noise;
+use crate::spectra::Line;
 
 /// What a model leaves of a record, beside its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]

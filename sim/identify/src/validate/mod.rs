@@ -7,12 +7,12 @@
 //! |---|---|---|---|
 //! | multisine | linear around `nominal` | lines of the whole periods | nothing |
 //! | multisine, with effects | simulated around `nominal` | its lines | nothing |
-//! | square, step, chirp | linear around `nominal` | all | offset and initial state ([`super::align`]) |
+//! | square, step, chirp | linear around `nominal` | all | offset and initial state ([`align`](crate::simulation::align)) |
 //! | staircase | following the level | from the first level to where the motor stops, but for levels on a limit, spikes, and steps in gaps of the log | initial state; an offset, without a static map |
 //! | free | following the level | all | initial state; an offset, without a static map |
 //!
 //! The ceiling is what the true model would score: noise alone is then left. It takes the noise as the records show it,
-//! from what does not repeat (multisine: [`super::Spectrum`]; square: from period to period) or from the scatter of settled
+//! from what does not repeat (multisine: [`Spectrum`](crate::spectra::Spectrum); square: from period to period) or from the scatter of settled
 //! levels (step, staircase).
 
 //!
@@ -34,7 +34,8 @@ use serde::{Serialize, Serializer};
 
 use judge::Judge;
 
-use super::IdentifyError;
+use crate::error::IdentifyError;
+use crate::frequency_response::FrequencyResponse;
 
 /// In which domain a record is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -126,8 +127,8 @@ pub enum Comparison {
 pub struct ComparedLines {
     /// Response over command at each line, by frequency.
     pub raw: Vec<Complex64>,
-    /// The same smoothed, with its noise ([`super::Etfe`], the model as the reference).
-    pub smoothed: super::FrequencyResponse,
+    /// The same smoothed, with its noise ([`Etfe`](crate::frequency_response::etfe::Etfe), the model as the reference).
+    pub smoothed: FrequencyResponse,
     /// The model there.
     pub model: Vec<Complex64>,
 }

@@ -12,8 +12,8 @@
 use rotorlead_numerics::sample::variance;
 
 use super::left_over::LeftOver;
+use crate::lag::steps::Run;
 use crate::spectra;
-use crate::steps::Run;
 
 /// A level has settled after this many time constants: e^-7 of the step, a thousandth, is left.
 const SETTLED_TIME_CONSTANTS: f64 = 7.0;

@@ -9,7 +9,9 @@ pub use verdict::{bandwidth_range, predicted_bandwidth};
 
 use rotorlead_answer::{Answer, Section, Table, Verdict};
 use rotorlead_design::{BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases};
-use rotorlead_identify::{IdentifyError, MeasuredBandwidth, NominalIdentification, PeriodicIdentification};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::lag::multisine::MeasuredBandwidth;
+use rotorlead_identify::lag::multisine::{NominalIdentification, PeriodicIdentification};
 use rotorlead_plant::effect::Linearity;
 use rotorlead_plant::{ActiveEffect, Model, PlantError};
 use rotorlead_records::Finding;

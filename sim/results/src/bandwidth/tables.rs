@@ -2,7 +2,8 @@
 
 use rotorlead_answer::{Cell, Datum, Table, Typed, Unit, table_of};
 use rotorlead_design::{BandwidthPoint, ChainPhase, Robustness, StepPoint};
-use rotorlead_identify::{Bandwidth, MeasuredBandwidth};
+use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
+use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use serde::Serialize;
 
 const NONE: Unit = Unit::plain("");

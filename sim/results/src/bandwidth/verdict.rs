@@ -2,7 +2,8 @@
 
 use rotorlead_answer::{Tone, Verdict};
 use rotorlead_design::BandwidthPoint;
-use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, EtfeBandwidth};
+use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use rotorlead_numerics::sample::extent;
 
 /// A measured bandwidth is as predicted within this share, or where its interval holds the prediction.

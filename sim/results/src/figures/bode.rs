@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Mark, Panel, Series};
-use rotorlead_identify::{FrequencyResponse, ResponsePoint};
+use rotorlead_identify::frequency_response::FrequencyResponse;
+use rotorlead_identify::frequency_response::etfe::ResponsePoint;
 
 /// Probability that a band holds the truth, at each line.
 pub(super) const BAND: f64 = 0.95;

@@ -4,7 +4,9 @@ use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_design::redesign::Compensated;
 use rotorlead_design::{BandwidthPoint, Chain};
-use rotorlead_identify::{Bandwidth, MeasuredBandwidth, NominalIdentification, RecordResponse, THREE_DB};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, THREE_DB};
+use rotorlead_identify::lag::multisine::MeasuredBandwidth;
+use rotorlead_identify::lag::multisine::{NominalIdentification, RecordResponse};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 
 use super::bode::{Curve, bode};

@@ -1,7 +1,8 @@
 //! Frequency responses that were measured, with what was fitted to them: the paper's Figs. 5 and 6.
 
 use rotorlead_answer::{Color, Figure, FigureKind, Mark};
-use rotorlead_identify::{ComparedLines, NominalIdentification, PeriodicIdentification};
+use rotorlead_identify::lag::multisine::{NominalIdentification, PeriodicIdentification};
+use rotorlead_identify::validate::ComparedLines;
 use rotorlead_records::Output;
 
 use super::bode::{Curve, bode};

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_identify::parametric::Root;
 use rotorlead_identify::stand::StandIdentification;
+use rotorlead_identify::stand::transfer_function::Root;
 
 use super::bode::{Curve, bode};
 
@@ -16,7 +16,9 @@ pub fn stand_figures(stand: &StandIdentification) -> Vec<Figure> {
 
 fn response(stand: &StandIdentification) -> Figure {
     let model = stand.model().transfer_function();
-    let ends = |at: fn(&[rotorlead_identify::ResponseLine]) -> Option<&rotorlead_identify::ResponseLine>| {
+    let ends = |at: fn(
+        &[rotorlead_identify::frequency_response::ResponseLine],
+    ) -> Option<&rotorlead_identify::frequency_response::ResponseLine>| {
         at(&stand.response.lines).map_or(1.0, |line| line.omega_rad_s)
     };
     let span = (ends(<[_]>::first), ends(<[_]>::last));

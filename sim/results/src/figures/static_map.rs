@@ -1,8 +1,8 @@
 //! Response over command at rest: the paper's Fig. 2.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
+use rotorlead_identify::lag::steps::Direction;
 use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoint, SteadyPoints};
-use rotorlead_identify::steps::Direction;
 use rotorlead_records::Output;
 
 use crate::unit::quantity;

@@ -1,8 +1,8 @@
 //! Steps of a staircase laid over each other, and the time constant over operating points.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_identify::Estimate;
-use rotorlead_identify::steps::{Direction, StaircaseFit, Step, StepFault};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::lag::steps::{Direction, StaircaseFit, Step, StepFault};
 use rotorlead_records::Record;
 
 /// Most steps that are drawn in a panel, spread evenly over the record: more of them cover each other.

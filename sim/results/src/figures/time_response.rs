@@ -1,7 +1,7 @@
 //! Responses over time beside the model's: the paper's Fig. 7.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_identify::ComparedRow;
+use rotorlead_identify::validate::ComparedRow;
 use rotorlead_records::Output;
 
 use crate::unit::quantity;

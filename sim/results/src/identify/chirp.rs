@@ -2,7 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_identify::{ChirpResponse, ResponseLine};
+use rotorlead_identify::frequency_response::ResponseLine;
+use rotorlead_identify::lag::chirp::ChirpResponse;
 use serde::Serialize;
 
 /// The frequency response of a chirp, for programs.

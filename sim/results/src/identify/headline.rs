@@ -1,7 +1,8 @@
 //! What identification finds, in one sentence.
 
-use rotorlead_identify::steps::{Direction, StaircaseFit};
-use rotorlead_identify::{Estimate, Identification, Lags};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::identification::{Identification, Lags};
+use rotorlead_identify::lag::steps::{Direction, StaircaseFit};
 use rotorlead_numerics::sample::extent;
 use rotorlead_plant::{Judgement, Point};
 

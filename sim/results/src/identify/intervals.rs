@@ -1,6 +1,7 @@
 //! The intervals behind the standard errors.
 
-use rotorlead_identify::{Estimate, PeriodicIdentification};
+use rotorlead_identify::estimate::Estimate;
+use rotorlead_identify::lag::multisine::PeriodicIdentification;
 use serde::Serialize;
 
 /// The 95 % intervals at a nominal command. The time constant's is that of its logarithm.

@@ -1,7 +1,7 @@
 //! Of steps: one lag beside a lag that depends on the speed, on steps that they have not seen.
 
 use rotorlead_answer::{Table, Typed, Unit, Weight, table_of};
-use rotorlead_identify::steps::{HeldOut, LawComparison, LawFit};
+use rotorlead_identify::lag::steps::{HeldOut, LawComparison, LawFit};
 
 /// A split of the steps, and the fits in percent.
 struct Split {

@@ -1,7 +1,7 @@
 //! The static map, where the records have plateaus or a ramp.
 
 use rotorlead_answer::{Table, Typed, Unit, Weight, table_of};
-use rotorlead_identify::Estimate;
+use rotorlead_identify::estimate::Estimate;
 use rotorlead_identify::static_map::{Limit, StaticMapFit};
 use rotorlead_records::Output;
 

@@ -14,12 +14,12 @@ use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
 use rotorlead_assess::{Assessment, Known, assess};
 use rotorlead_diagnose::Diagnosis;
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::identification::{Identification, IdentifyOptions, Lags, identify, step_record};
+use rotorlead_identify::lag::multisine::{PeriodicIdentification, PeriodicOptions};
+use rotorlead_identify::lag::steps::{LawComparison, compare_laws};
+use rotorlead_identify::spectra::{LongRecordError, Spectrum};
 use rotorlead_identify::static_map::StaticMapFit;
-use rotorlead_identify::steps::{LawComparison, compare_laws};
-use rotorlead_identify::{
-    Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError, PeriodicIdentification, PeriodicOptions,
-    Spectrum, identify, step_record,
-};
 use rotorlead_records::{Experiment, Finding, LongRecord, Output, Record};
 use serde::Serialize;
 use serde_json::{Map, Value, json};

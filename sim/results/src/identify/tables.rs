@@ -3,10 +3,12 @@
 use std::f64::consts::TAU;
 
 use rotorlead_answer::{Datum, Table, Typed, Unit, Weight, table_of};
-use rotorlead_identify::steps::{Branch, Level, StaircaseFit, Step};
-use rotorlead_identify::{
-    ChirpIdentification, ChirpResponse, Identification, Lags, PeriodicIdentification, ResponseLine, power_over_noise,
-};
+use rotorlead_identify::frequency_response::ResponseLine;
+use rotorlead_identify::goodness_of_fit::power_over_noise;
+use rotorlead_identify::identification::{Identification, Lags};
+use rotorlead_identify::lag::chirp::{ChirpIdentification, ChirpResponse};
+use rotorlead_identify::lag::multisine::PeriodicIdentification;
+use rotorlead_identify::lag::steps::{Branch, Level, StaircaseFit, Step};
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Output, Role};

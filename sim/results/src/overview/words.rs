@@ -4,7 +4,7 @@ use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Report, Section, Table, Tone, Verdict};
 use rotorlead_assess::Assessment;
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
-use rotorlead_identify::RecordValidation;
+use rotorlead_identify::validate::RecordValidation;
 use rotorlead_numerics::sample::extent;
 use rotorlead_plant::Model;
 use rotorlead_records::{Experiment, Finding};

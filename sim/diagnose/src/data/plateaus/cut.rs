@@ -4,8 +4,10 @@ use serde::Serialize;
 use std::fmt;
 use std::ops::Range;
 
-use rotorlead_identify::IdentifyError;
-use rotorlead_identify::steps::{Run, SAME_LEVEL, StepsError, rows_after_gaps, without_spikes};
+use rotorlead_identify::error::IdentifyError;
+use rotorlead_identify::lag::steps::{Run, SAME_LEVEL, StepsError};
+use rotorlead_identify::rows::gaps::rows_after_gaps;
+use rotorlead_identify::rows::spikes::without_spikes;
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_records::{Excitation, Output, Record as SourceRecord};
 
@@ -114,7 +116,7 @@ pub(crate) fn prepare(
     output: Output,
     has_free_map: bool,
 ) -> Result<Option<Prepared>, DiagnoseError> {
-    let response = rotorlead_identify::response_of(source, output)?;
+    let response = rotorlead_identify::rows::columns::response_column(source, output)?;
     let constant = |values: &[f64]| values.iter().all(|value| *value == values[0]);
     if constant(&source.command) {
         return Err(IdentifyError::ConstantCommand { file: source.file.clone() }.into());
@@ -170,7 +172,7 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
         before = plateau.command;
     }
     let mut parts = parts(&groups, &kept);
-    let rise_s = measure(&mut parts, time_s, measured, &rows_after_gaps(time_s).0);
+    let rise_s = measure(&mut parts, time_s, measured, &rows_after_gaps(time_s));
     let mut cut = CutRows {
         file: source.file.clone(),
         rows: source.time_s.len(),
@@ -258,7 +260,7 @@ fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
     let mut after_gaps = 0;
-    for row in rows_after_gaps(time_s).0 {
+    for row in rows_after_gaps(time_s) {
         let end = time_s.partition_point(|t| *t < time_s[row] + AFTER_GAP_S);
         for kept in &mut kept[row..end] {
             after_gaps += usize::from(*kept);

@@ -15,7 +15,7 @@ pub(crate) mod split;
 
 use std::ops::Range;
 
-use rotorlead_identify::steps::Plateau;
+use rotorlead_identify::lag::steps::Plateau;
 
 use super::dataset::Split;
 use crate::noise::plateau_errors::Part;

@@ -14,7 +14,7 @@
 //! A kind's gain is the mean over the splits, each with its own fit. What a split does not determine (unequal lags, on
 //! steps up alone) stays near the value at which the effect is not there, by a weak tie: twice the plausible range.
 
-use rotorlead_identify::steps::Split as StepSplit;
+use rotorlead_identify::lag::steps::Split as StepSplit;
 
 use super::{Group, Log};
 

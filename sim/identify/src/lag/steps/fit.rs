@@ -1,0 +1,425 @@
+//! The output-error fit of the lag to the steps of a record.
+//!
+//! Each step is simulated over a window from a few rows before it to a few time constants after it, and up to [`BATCH`]
+//! steps are fitted at once. Their parameters:
+//!
+//! - one delay and one curvature `k` ([`super::response`]) for all of them;
+//! - per step the time constant, as its logarithm;
+//! - per step the levels before and after it, as slow drift would otherwise bend the time constants;
+//! - per step an *onset*, how much earlier or later than the common delay it began. The log says in
+//!   which row the command had changed, not when, and an ESC or a stand takes a command over once per
+//!   frame of its own. With one delay for all steps this leaks into the time constants: in a stand's log of
+//!   7 ms rows and 20 ms frames it makes neighbors differ by a factor of two. Onsets have mean zero and a standard deviation that is
+//!   estimated from the record, and enter the sum of squares as such (random effects; the sum is then
+//!   minus twice the logarithm of the joint density).
+//!
+//! The curvature has a Gaussian prior about the middle of what drag can make of it, so that a
+//! record of small steps only, which say nothing of it, still has a solution; where it comes out beyond that range, the end
+//! of the range is taken. Left free, it bends to whatever starts a response gently, a second lag or a filter of the speed,
+//! and takes that from the time constants.
+//!
+//! # Noise
+//! A row is off by the sensor's noise `s`, as the settled rows show it, and by the noise of its time stamp `s_t` times the slope
+//! `v` of the response: `s^2 + (s_t v)^2`. `s_t` is one for the record, by moments from what a first fit leaves where the response
+//! moves; besides jitter it takes whatever a lag does not explain of the way. It widens the intervals and leaves the weights of
+//! the rows as they are: else a response that is no lag would be judged by its tail alone.
+
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+use rotorlead_numerics::least_squares::{Damping, Decrease, Found, NormalEquations as _, Strategy, search};
+use rotorlead_numerics::normal_equations::scaled_inverse;
+use rotorlead_numerics::sample::{median, variance};
+
+use nalgebra::DMatrix;
+
+use super::plateaus::Plateau;
+use super::problem::{At, CURVATURE, DELAY, Linearization, PER_STEP, Problem, Window};
+use super::step::{Step, StepFault, StepLag};
+use super::uncertainty::{correlated, correlation};
+use super::{Run, StepsError};
+use crate::estimate::Estimate;
+use crate::goodness_of_fit::{percent_when_left, spread};
+use crate::rows::gaps::rows_after_gaps;
+
+/// Most steps that are fitted at once: they know their common delay by then.
+const BATCH: usize = 24;
+/// Most steps that are fitted: more of them say little that these do not.
+const MOST_STEPS: usize = 96;
+/// Length of a window in units of the median time to 63 % of a step, which includes the delay.
+const WINDOW: f64 = 8.0;
+/// Onsets in the first pass, in which they are nearly free, seconds.
+const FREE_ONSET_STD_S: f64 = 0.02;
+/// The least and the most that drag makes of the curvature: `c R` is at most half the rate at the highest level, which is seldom
+/// more than 1.4 times the usual one.
+const CURVATURES: (f64, f64) = (0.0, 0.7);
+/// What is known of it beforehand: a motor's, and a standard deviation that hardly holds it.
+const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
+/// Standard deviation by which it is held to an end of its range.
+const CURVATURE_HELD_STD: f64 = 1e-4;
+/// A reading that is exactly the one before, where the response has moved by more than this many times its noise, was not
+/// taken anew.
+const MOVED: f64 = 3.0;
+
+/// What is common to all steps.
+pub(super) struct LagFit {
+    pub(super) delay_s: Estimate,
+    pub(super) curvature: Estimate,
+    /// Curvature per unit of response and second of time constant: the bend over the time constant.
+    pub(super) bend_per_s: f64,
+    /// Standard deviation of the onsets, seconds.
+    pub(super) onset_std_s: f64,
+    /// Standard deviation of time stamps, seconds.
+    pub(super) stamp_std_s: f64,
+    /// Covariance of the logarithms of the time constants of the steps that have a lag, in their order.
+    pub(super) covariance: DMatrix<f64>,
+}
+
+/// The rows of a record.
+pub(super) struct Data<'a> {
+    pub(super) name: &'a str,
+    pub(super) time_s: &'a [f64],
+    /// The response, free of spikes.
+    pub(super) y: &'a [f64],
+    /// Rows that say nothing.
+    pub(super) spike: &'a [bool],
+}
+
+/// Fits the steps that have no fault. `frame_s` is the ESC's frame, where known.
+///
+/// Two passes: the first with nearly free onsets and the noise of the settled response; from its
+/// residuals come the noise of the stamps and of each step, model error included, and the spread of the onsets for the second.
+pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f64) -> Result<LagFit, StepsError> {
+    leave_out_the_many(steps);
+    let used: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].fault.is_none()).collect();
+    let Some(rise_s) = median(used.iter().map(|&k| rise_s(data, &steps[k]))) else {
+        return Err(StepsError::NoUsableStep { record: data.name.into(), reasons: reasons(steps) });
+    };
+    for &k in &used {
+        let step = &mut steps[k];
+        let end = step.at_s + WINDOW * rise_s;
+        step.window.end = step.window.start + data.time_s[step.window.clone()].partition_point(|&t| t < end);
+    }
+    let row_s = (data.time_s[data.time_s.len() - 1] - data.time_s[0]) / (data.time_s.len() - 1) as f64;
+    // Uniform within a row and within a frame.
+    let least_onset_std_s = ((row_s * row_s + frame_s * frame_s) / 12.0).sqrt();
+    let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
+    let usual_s = rise_s;
+    let reference = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let quantum = quantum(data, runs);
+    let after_gaps = rows_after_gaps(data.time_s);
+    let mut windows: Vec<Window> =
+        used.iter().map(|&k| window(data, plateaus(), &steps[k], &after_gaps, quantum)).collect();
+
+    let batches = windows.len().div_ceil(windows.len().div_ceil(BATCH));
+    let first_onset_std_s = FREE_ONSET_STD_S.max(least_onset_std_s);
+    let rough: Vec<Fitted> = windows
+        .chunks(batches)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|steps| {
+            first_pass(
+                &Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
+                rise_s,
+            )
+        })
+        .collect::<Option<_>>()
+        .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
+    let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
+        let problem = Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
+        (onset_variance(&problem, rough), steps.len() as f64)
+    });
+    let (sum, count) =
+        of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
+    let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
+    let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
+
+    let curvature = {
+        let of_batches: Vec<f64> = rough.iter().map(|fitted| fitted.at.parameters[CURVATURE]).collect();
+        let (least, most) = CURVATURES;
+        match median(of_batches) {
+            Some(beyond) if beyond < least => (least, CURVATURE_HELD_STD),
+            Some(beyond) if beyond > most => (most, CURVATURE_HELD_STD),
+            _ => CURVATURE_KNOWN,
+        }
+    };
+    let fits: Vec<Fitted> = windows
+        .chunks(batches)
+        .zip(rough)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|(steps, rough)| {
+            Fitted::from(&Problem { steps, onset_std_s, curvature, reference, usual_s }, rough.at.parameters, LIMITS)
+        })
+        .map(|fitted| fitted.filter(|fitted| fitted.converged))
+        .collect::<Option<_>>()
+        .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: LIMITS.iterations })?;
+    let correlation = correlation(data.y, plateaus());
+    let mut result = LagFit {
+        delay_s: Estimate::normal(0.0, 0.0),
+        curvature: Estimate::normal(0.0, 0.0),
+        bend_per_s: 0.0,
+        onset_std_s,
+        stamp_std_s,
+        covariance: DMatrix::zeros(windows.len(), windows.len()),
+    };
+    let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
+    for (batch, (problem, fitted)) in windows
+        .chunks(batches)
+        .map(|steps| Problem { steps, onset_std_s, curvature, reference, usual_s })
+        .zip(&fits)
+        .enumerate()
+    {
+        let covariance = fitted.covariance(&problem, &correlation);
+        let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
+        let p = &fitted.at.parameters;
+        let std = |at: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(at, at)].max(0.0).sqrt());
+        delays.push(Estimate::normal(p[DELAY], std(DELAY)));
+        curvatures.push(Estimate::normal(p[CURVATURE], std(CURVATURE)));
+        for (i, &step) in own.iter().enumerate() {
+            for (j, &other) in own.iter().enumerate() {
+                let (a, b) = (Problem::time_constant(i), Problem::time_constant(j));
+                let unknown = if i == j { f64::INFINITY } else { 0.0 };
+                result.covariance[(step, other)] = covariance.as_ref().map_or(unknown, |c| c[(a, b)]);
+            }
+            let tau_s = p[Problem::time_constant(i)].exp();
+            let window = &problem.steps[i];
+            steps[used[step]].lag = Some(StepLag {
+                time_constant_s: Estimate::normal(tau_s, tau_s * std(Problem::time_constant(i))),
+                delay_s: p[DELAY] + p[Problem::onset(i)],
+                after: window.after * p[Problem::level(i)],
+                before: window.before * p[Problem::level_before(i)],
+                fit_percent: percent(window, &problem, i, p),
+                bend: p[CURVATURE] / reference / usual_s * tau_s,
+            });
+        }
+    }
+    result.delay_s = pooled(&delays);
+    let curvature = pooled(&curvatures);
+    result.bend_per_s = curvature.value / reference / usual_s;
+    let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
+    let scale = median(taus).unwrap_or(usual_s) / usual_s;
+    result.curvature = Estimate::normal(scale * curvature.value, scale * curvature.std);
+    Ok(result)
+}
+
+/// The response has a kink where a step begins, and moving it across a row leaves the search zigzagging by
+/// ever less. A sum of squares in units of the noise has about one per row, so a decrease by this share, a
+/// few thousandths, moves no parameter by a tenth of its standard error.
+const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-6 };
+
+/// Enough to tell which start is in the right basin.
+const FIRST_LOOK: Limits = Limits { iterations: 10, decrease: 1e-3 };
+
+/// When a search stops.
+#[derive(Clone, Copy)]
+struct Limits {
+    iterations: usize,
+    decrease: f64,
+}
+
+/// A batch of steps as fitted.
+struct Fitted {
+    at: At,
+    linearization: Linearization,
+    converged: bool,
+}
+
+impl Fitted {
+    fn from(problem: &Problem<'_>, start: Vec<f64>, limits: Limits) -> Option<Self> {
+        let strategy = Strategy {
+            iterations: limits.iterations,
+            decrease: Decrease::Relative(limits.decrease),
+            damping: Damping::GainRatio,
+            reuses_jacobian: false,
+        };
+        let Found { at, linearization, converged, .. } = search(problem, problem.at(start)?, &strategy)?;
+        Some(Self { at, linearization, converged })
+    }
+
+    /// Covariance of the parameters when the noise has a color (the sandwich, Ljung, section 9.4).
+    fn covariance(&self, problem: &Problem<'_>, correlation: &[f64]) -> Option<DMatrix<f64>> {
+        let unit = scaled_inverse(&self.linearization.matrix, 0.0)?;
+        let blocks = self.linearization.blocks.iter().zip(problem.steps);
+        let filling =
+            blocks.map(|(block, window)| block.tr_mul(&correlated(block, correlation, &window.stamp_variance)));
+        Some(&unit * problem.scattered(filling) * &unit)
+    }
+}
+
+fn first_pass(problem: &Problem<'_>, rise_s: f64) -> Option<Fitted> {
+    let mut best: Option<Fitted> = None;
+    // The delay's basin is about a time constant wide, so start within and beyond it.
+    for share in [0.0, 0.4, 0.8] {
+        let mut start = vec![share * rise_s, problem.curvature.0];
+        let log_tau = ((1.0 - 0.9 * share) * rise_s).ln();
+        start.extend(problem.steps.iter().flat_map(|_| [1.0, 1.0, 0.0, log_tau]));
+        if let Some(look) = Fitted::from(problem, start, FIRST_LOOK)
+            && best.as_ref().is_none_or(|b| problem.sum_of_squares(&look.at) < problem.sum_of_squares(&b.at))
+        {
+            best = Some(look);
+        }
+    }
+    Fitted::from(problem, best?.at.parameters, LIMITS)
+}
+
+/// Of very many steps, some are fitted that are spread evenly over operating points, directions and time.
+fn leave_out_the_many(steps: &mut [Step]) {
+    let mut usable: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].fault.is_none()).collect();
+    let count = usable.len();
+    if count <= MOST_STEPS {
+        return;
+    }
+    usable.sort_by(|&a, &b| {
+        let key = |k: usize| (steps[k].to > steps[k].from, k);
+        steps[a].to.total_cmp(&steps[b].to).then(key(a).cmp(&key(b)))
+    });
+    for (place, k) in usable.into_iter().enumerate() {
+        // Whether a multiple of `count` is passed on the way to the next place.
+        let is_kept = (place + 1) * MOST_STEPS / count > place * MOST_STEPS / count;
+        if !is_kept {
+            steps[k].fault = Some(StepFault::NotNeeded);
+        }
+    }
+}
+
+/// How many steps are left out for which reason, most first.
+fn reasons(steps: &[Step]) -> String {
+    let mut counts: Vec<(String, usize)> = Vec::new();
+    for fault in steps.iter().filter_map(|step| step.fault) {
+        let reason = fault.to_string();
+        match counts.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((reason, 1)),
+        }
+    }
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let said: Vec<String> = counts.iter().take(3).map(|(reason, count)| format!("{count}: {reason}")).collect();
+    said.join("; ")
+}
+
+/// Time from the command to 63 % of the step, seconds.
+fn rise_s(data: &Data<'_>, step: &Step) -> f64 {
+    let target = step.before + (1.0 - (-1.0f64).exp()) * (step.after - step.before);
+    let rising = step.after > step.before;
+    let risen = (step.row..step.window.end).find(|&i| (data.y[i] > target) == rising).unwrap_or(step.row);
+    (data.time_s[risen] - step.at_s).max(step.at_s - data.time_s[step.row - 1])
+}
+
+/// The smallest change from one reading to the next that is one: a sensor's resolution, where it has a coarse one.
+fn quantum(data: &Data<'_>, runs: &[Run]) -> f64 {
+    let changes = runs.iter().flat_map(|run| data.y[run.rows()].windows(2)).map(|pair| (pair[1] - pair[0]).abs());
+    let least = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
+
+fn window<'p>(
+    data: &Data<'_>,
+    mut plateaus: impl Iterator<Item = &'p Plateau>,
+    step: &Step,
+    after_gaps: &[usize],
+    quantum: f64,
+) -> Window {
+    let settled = plateaus.find(|plateau| plateau.rows.start == step.row).map_or(0.0, |plateau| plateau.std);
+    // Uniform within the sensor's resolution; one that reads the same value all the time has still some.
+    let noise = settled.max(quantum / 12.0_f64.sqrt()).max(1e-3 * (step.after - step.before).abs());
+    let says = |row: usize| !data.spike[row] && after_gaps.binary_search(&row).is_err();
+    Window {
+        change_s: step.at_s,
+        before: step.before,
+        after: step.after,
+        time_s: data.time_s[step.window.clone()].to_vec(),
+        y: data.y[step.window.clone()].to_vec(),
+        weight: step.window.clone().map(|row| if says(row) { 1.0 / noise } else { 0.0 }).collect(),
+        stamp_variance: vec![0.0; step.window.len()],
+    }
+}
+
+/// Variance of the onsets beyond what their own uncertainty explains (moments).
+fn onset_variance(problem: &Problem<'_>, rough: &Fitted) -> f64 {
+    let steps = problem.steps.len();
+    let onsets: Vec<f64> = (0..steps).map(|k| rough.at.parameters[Problem::onset(k)]).collect();
+    let unit = scaled_inverse(&rough.linearization.matrix, 0.0);
+    let variance_of = |k: usize| unit.as_ref().map_or(0.0, |c| c[(Problem::onset(k), Problem::onset(k))]);
+    // A free onset's variance is that of its step and of the delay it is counted from; the latter, common
+    // to all, is what the ties leave: the spread of the ties over the number of steps.
+    let common = problem.onset_std_s * problem.onset_std_s / steps as f64;
+    let own = (0..steps).map(|k| (variance_of(k) - common).max(0.0)).sum::<f64>() / steps as f64;
+    (variance(&onsets) - own).max(0.0)
+}
+
+/// Gives each row the standard deviation that a first fit suggests; the standard deviation of stamps.
+fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f64), row_s: f64) -> f64 {
+    let (reference, usual_s) = units;
+    let (mut excess, mut scale) = (0.0, 0.0);
+    let mut slopes = Vec::with_capacity(windows.len());
+    for (steps, fitted) in windows.chunks_mut(batch).zip(rough) {
+        let unit = scaled_inverse(&fitted.linearization.matrix, 0.0);
+        let own: Vec<Vec<f64>> = {
+            let problem =
+                Problem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
+            (0..steps.len()).map(|k| problem.slope(k, &fitted.at.parameters, row_s)).collect()
+        };
+        for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {
+            let (block, residuals) = (&fitted.linearization.blocks[k], &fitted.at.residuals[k]);
+            let places: Vec<usize> = (0..block.ncols()).map(|local| Problem::place(k, local)).collect();
+            let local =
+                unit.as_ref().map(|u| DMatrix::from_fn(places.len(), places.len(), |i, j| u[(places[i], places[j])]));
+            for row in 0..window.y.len() {
+                let weight = window.weight[row];
+                if weight == 0.0 {
+                    continue;
+                }
+                // What a row's own pull on the fit takes of its residual.
+                let j = block.row(row);
+                let leverage = local.as_ref().map_or(0.0, |u| (j * u * j.transpose())[(0, 0)]).clamp(0.0, 0.9);
+                let (left, steep) = (residuals[row].powi(2) / (1.0 - leverage) - 1.0, (slope[row] * weight).powi(2));
+                excess += left * steep;
+                scale += steep * steep;
+            }
+            let repeats = window.y.windows(2).map(|pair| pair[0] == pair[1]);
+            for ((weight, slope), repeats) in window.weight[1..].iter_mut().zip(&slope[1..]).zip(repeats) {
+                if repeats && slope.abs() * row_s * *weight > MOVED {
+                    *weight = 0.0;
+                }
+            }
+        }
+        slopes.extend(own);
+    }
+    let stamp_variance = if scale > 0.0 { (excess / scale).max(0.0) } else { 0.0 };
+    let residuals = rough.iter().flat_map(|fitted| &fitted.at.residuals);
+    for ((window, slope), residuals) in windows.iter_mut().zip(&slopes).zip(residuals) {
+        let (mut sum, mut rows) = (0.0, 0);
+        for (row, residual) in residuals.iter().enumerate().filter(|(row, _)| window.weight[*row] > 0.0) {
+            window.stamp_variance[row] = stamp_variance * (slope[row] * window.weight[row]).powi(2);
+            sum += residual * residual / (1.0 + window.stamp_variance[row]);
+            rows += 1;
+        }
+        // What the fit leaves in its window, where that is more than the noise: levels, onset and a time constant are fitted.
+        let excess = (sum / usize::max(rows - PER_STEP.min(rows), 1) as f64).max(1.0);
+        window.weight.iter_mut().for_each(|weight| *weight /= excess.sqrt());
+    }
+    stamp_variance.sqrt()
+}
+
+/// The mean of estimates of one number, by their variances.
+fn pooled(estimates: &[Estimate]) -> Estimate {
+    if let [one] = estimates {
+        return *one;
+    }
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for estimate in estimates.iter().filter(|estimate| estimate.std.is_finite()) {
+        let weight = estimate.std.powi(-2);
+        sum += weight * estimate.value;
+        weights += weight;
+    }
+    Estimate::normal(sum / weights, weights.sqrt().recip())
+}
+
+/// % fit over a window about its own mean.
+fn percent(window: &Window, problem: &Problem<'_>, step: usize, p: &[f64]) -> f64 {
+    let mut response = vec![0.0; window.y.len()];
+    let _ = problem.response(step, p, &mut response);
+    let kept = |row: &usize| window.weight[*row] > 0.0;
+    let y: Vec<f64> = (0..window.y.len()).filter(kept).map(|row| window.y[row]).collect();
+    let left = (0..window.y.len()).filter(kept).map(|row| (window.y[row] - response[row]).powi(2)).sum();
+    percent_when_left(left, spread(&y))
+}

@@ -1,0 +1,189 @@
+//! What is known of each level: the static map up and down, its slope, the time constants.
+
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
+use super::TimeConstantCurve;
+use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
+use super::step::Step;
+use crate::estimate::Estimate;
+use rotorlead_numerics::sample;
+
+/// One level of the staircase.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Level {
+    /// The command, 0..1.
+    pub command: f64,
+    /// What was seen when it was reached from below.
+    pub up: Option<Branch>,
+    /// What was seen when it was reached from above.
+    pub down: Option<Branch>,
+    /// Slope of the static map in response units per unit of command; `None` where the map does not rise
+    /// or the branch has no other level.
+    #[serde(serialize_with = "value")]
+    pub gain: Option<Estimate>,
+    /// Time constant of small motions about the level by the curve, seconds; `None` beyond the steps that it rests on.
+    #[serde(serialize_with = "value")]
+    pub time_constant_s: Option<Estimate>,
+}
+
+/// A level as seen in one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branch {
+    /// Mean of the settled response and its standard error, slow drift included.
+    pub mean: Estimate,
+    /// Standard deviation of the settled response: noise and ripple.
+    pub std: f64,
+    /// Time constant of the steps to here, seconds; `None` where none was usable. Its interval is
+    /// [`Estimate::interval_of_logarithm`].
+    pub time_constant_s: Option<Estimate>,
+    /// % fit over the windows of those steps, each with its own final level and onset.
+    pub fit_percent: Option<f64>,
+}
+
+/// An estimate without its error.
+fn value<S: Serializer>(estimate: &Option<Estimate>, serializer: S) -> Result<S::Ok, S::Error> {
+    estimate.map(|estimate| estimate.value).serialize(serializer)
+}
+
+impl Serialize for Branch {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("Branch", 5)?;
+        values.serialize_field("response", &self.mean.value)?;
+        values.serialize_field("response_std", &self.mean.std)?;
+        values.serialize_field("time_constant_s", &self.time_constant_s.map(|tau| tau.value))?;
+        values.serialize_field("time_constant_s_std", &self.time_constant_s.map(|tau| tau.std))?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.end()
+    }
+}
+
+impl Level {
+    /// The branch of that direction.
+    #[must_use]
+    pub fn branch(&self, direction: Direction) -> Option<&Branch> {
+        match direction {
+            Direction::Up => self.up.as_ref(),
+            Direction::Down => self.down.as_ref(),
+        }
+    }
+}
+
+/// The levels by increasing command, and the direction in which more of them were seen: the *main*
+/// branch, on which slopes are taken. Up and down differ by a few percent (temperature, voltage), as much
+/// as a tenth of the difference between neighbors, so a slope across branches would be wrong by that.
+///
+/// A level on which the response stands on a limit is none, nor is one that is too short to settle.
+pub(super) fn levels(
+    plateaus: &[Plateau],
+    steps: &[Step],
+    curve: Option<&TimeConstantCurve>,
+) -> (Vec<Level>, Direction) {
+    let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == State::Running;
+    let free: Vec<Plateau> = plateaus.iter().filter(is_level).cloned().collect();
+    let plateaus = &free;
+    let mut levels: Vec<Level> = Vec::new();
+    for plateau in plateaus {
+        if !levels.iter().any(|l| (l.command - plateau.command).abs() <= SAME_LEVEL) {
+            let curve = curve.filter(|curve| curve.holds(plateau.command));
+            let time_constant_s = curve.map(|curve| curve.at(plateau.command));
+            levels.push(Level { command: plateau.command, up: None, down: None, gain: None, time_constant_s });
+        }
+    }
+    levels.sort_by(|a, b| a.command.total_cmp(&b.command));
+    for level in &mut levels {
+        level.up = branch(level.command, Direction::Up, plateaus, steps);
+        level.down = branch(level.command, Direction::Down, plateaus, steps);
+    }
+    let seen = |d| levels.iter().filter(|l| l.branch(d).is_some()).count();
+    let (main, other) = if seen(Direction::Up) >= seen(Direction::Down) {
+        (Direction::Up, Direction::Down)
+    } else {
+        (Direction::Down, Direction::Up)
+    };
+    // The main branch last: where both have a slope, its own stands.
+    set_gains(&mut levels, other);
+    set_gains(&mut levels, main);
+    (levels, main)
+}
+
+fn branch(command: f64, direction: Direction, plateaus: &[Plateau], steps: &[Step]) -> Option<Branch> {
+    let here = |c: f64| (c - command).abs() <= SAME_LEVEL;
+    // The plateau that begins a record came from nowhere; it is a level like those reached from below.
+    let seen: Vec<&Plateau> =
+        plateaus.iter().filter(|p| here(p.command) && p.direction.unwrap_or(Direction::Up) == direction).collect();
+    if seen.is_empty() {
+        return None;
+    }
+    let n = seen.len() as f64;
+    let mean = seen.iter().map(|p| p.mean).sum::<f64>() / n;
+    let error = seen.iter().map(|p| p.mean_std * p.mean_std).sum::<f64>();
+    let variance = seen.iter().map(|p| p.std * p.std).sum::<f64>() / n;
+    let own: Vec<&Step> = steps.iter().filter(|step| step.direction() == direction && here(step.to)).collect();
+    let percents: Vec<f64> =
+        own.iter().filter_map(|step| Some(step.time_constant_s().and(step.lag)?.fit_percent)).collect();
+    Some(Branch {
+        mean: Estimate::normal(mean, error.sqrt() / n),
+        std: variance.sqrt(),
+        time_constant_s: joined(own.iter().filter_map(|step| step.time_constant_s())),
+        fit_percent: (!percents.is_empty()).then(|| sample::mean(&percents)),
+    })
+}
+
+/// The weighted mean of the logarithms of time constants.
+fn joined(estimates: impl Iterator<Item = Estimate>) -> Option<Estimate> {
+    let (mut sum, mut weights, mut dof) = (0.0, 0.0, f64::INFINITY);
+    for estimate in estimates {
+        let weight = (estimate.value / estimate.std).powi(2);
+        sum += weight * estimate.value.ln();
+        weights += weight;
+        dof = estimate.dof;
+    }
+    let value = (sum / weights).exp();
+    (weights > 0.0).then(|| Estimate { value, std: value / weights.sqrt(), dof })
+}
+
+/// Slopes on one branch, over the levels on which it rises. A level whose response is not above that of
+/// the one before has no gain and takes no part in its neighbors' slopes.
+fn set_gains(levels: &mut [Level], direction: Direction) {
+    let mut rising: Vec<(usize, f64, Estimate)> = Vec::new();
+    for (at, level) in levels.iter_mut().enumerate() {
+        let Some(mean) = level.branch(direction).map(|b| b.mean) else {
+            continue;
+        };
+        if rising.last().is_none_or(|last| mean.value > last.2.value) {
+            rising.push((at, level.command, mean));
+        } else {
+            level.gain = None;
+        }
+    }
+    for k in 0..rising.len() {
+        let (at, ..) = rising[k];
+        let before = k.checked_sub(1).map(|i| secant(&rising[i], &rising[k]));
+        let after = rising.get(k + 1).map(|next| secant(&rising[k], next));
+        levels[at].gain = match (before, after) {
+            // The slope at the middle of a parabola through three points.
+            (Some((b, wb)), Some((a, wa))) => {
+                let value = (b * wa + a * wb) / (wa + wb);
+                let (lo, mid, hi) = (rising[k - 1].2.std, rising[k].2.std, rising[k + 1].2.std);
+                let std = (lo * wa / wb).hypot(mid * (wa / wb - wb / wa)).hypot(hi * wb / wa) / (wa + wb);
+                Some(Estimate::normal(value, std))
+            }
+            (Some((value, width)), None) => {
+                let std = rising[k].2.std.hypot(rising[k - 1].2.std) / width;
+                Some(Estimate::normal(value, std))
+            }
+            (None, Some((value, width))) => {
+                let std = rising[k].2.std.hypot(rising[k + 1].2.std) / width;
+                Some(Estimate::normal(value, std))
+            }
+            (None, None) => levels[at].gain,
+        };
+    }
+}
+
+/// Slope and width between two levels.
+fn secant(from: &(usize, f64, Estimate), to: &(usize, f64, Estimate)) -> (f64, f64) {
+    let width = to.1 - from.1;
+    ((to.2.value - from.2.value) / width, width)
+}

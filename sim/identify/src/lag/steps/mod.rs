@@ -1,0 +1,309 @@
+//! Models from staircases: steps between levels of constant command.
+//!
+//! [`fit_staircase`] takes a record through these stages, one file each:
+//!
+//! 1. readings that no rotor can have made are set aside (`spikes`);
+//! 2. plateaus are found, and of them the runs on which the motor runs steadily; start-up, idling and
+//!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
+//!    marked (`limits`);
+//! 3. steps that carry no lag are left out, each with its reason (`step`);
+//! 4. a lag is fitted to each of the others, with a common delay (`problem` and `fit`), in closed form (`response`), with
+//!    standard errors that know the noise's color and that of the time stamps (`uncertainty`);
+//! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
+//!    others, and what they differ by beyond their own errors (`curve`);
+//! 6. levels get their static response, slope and time constants (`levels`);
+//! 7. the runs are simulated with that and compared (here).
+//!
+//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`law`, `splits`).
+//!
+//! # Which law for large steps
+//! Small steps up have one time constant each. A large step down crosses many levels, and a motor with drag is faster on
+//! the upper ones. How much is in `k` ([`StaircaseFit::curvature`]), which is estimated, one for the record; time constants
+//! are always those of small motions about the level that the step leads to. Fixing `k` at a motor's value would move the
+//! residual of the large steps into their time constants where something else starts them more gently, and make up and down
+//! differ where they do not.
+
+mod curve;
+mod error;
+mod fit;
+mod law;
+mod levels;
+mod limits;
+mod model;
+mod plateaus;
+mod problem;
+mod response;
+mod run;
+mod splits;
+mod step;
+mod uncertainty;
+mod warning;
+mod warnings;
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
+pub use curve::TimeConstantCurve;
+pub use error::StepsError;
+pub use law::{LagLaw, LawFit};
+pub use levels::{Branch, Level};
+pub use plateaus::Direction;
+pub use splits::{HeldOut, LawComparison, SPLITS, Split, compare_laws};
+pub use warning::{LeftOut, StepsWarning};
+
+use rotorlead_records::{Output, Record};
+
+use crate::estimate::{Estimate, MAX_RELATIVE_STD};
+use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
+use curve::Reading;
+use fit::{Data, LagFit};
+pub use plateaus::{Plateau, SAME_LEVEL, State};
+use response::{Segment, simulate};
+pub use run::Run;
+pub(crate) use run::plateaus_of;
+pub use step::{Step, StepFault, StepLag};
+
+/// A lag toward a static map, as a staircase shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaircaseFit {
+    /// The record's file.
+    pub record: String,
+    /// Which column was fitted.
+    pub output: Output,
+    /// The rows on which the motor runs steadily: one range or more, parted by stops and idling.
+    pub runs: Vec<Range<usize>>,
+    /// All steps of these runs, in time, each with its lag or the reason why it has none.
+    pub steps: Vec<Step>,
+    /// The time constant over operating points; `None` where no step has one that is known.
+    pub curve: Option<TimeConstantCurve>,
+    /// The levels, by increasing command.
+    pub levels: Vec<Level>,
+    /// The direction in which more levels were seen; gains and the static map are taken from it.
+    pub main_direction: Direction,
+    /// Delay of all steps in seconds, as logged: from the time stamp of the first row with the new
+    /// command. The log may stamp late by up to a row, so it can be negative. Half an ESC frame is taken
+    /// off where the frame is known.
+    pub delay_s: Estimate,
+    /// Standard deviation of single steps' delays about [`Self::delay_s`], seconds: in which part of a row
+    /// or of a frame the command changed.
+    pub onset_std_s: f64,
+    /// Standard deviation of the rows' time stamps, seconds: jitter, and whatever a lag does not explain of the way from
+    /// level to level.
+    pub stamp_std_s: f64,
+    /// Curvature of the lag: how much faster a large step down starts than a first-order lag, relative to the ratio of the
+    /// excess to the highest level, at the median time constant. 0 for a first-order lag, about 1/2 with drag.
+    pub curvature: Estimate,
+    /// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` of the runs, each simulated from its first row on with one
+    /// static map, one delay and the curve of time constants.
+    pub fit_percent: f64,
+    /// The same with spikes.
+    pub fit_percent_with_spikes: f64,
+    /// The same without spikes, when every plateau has its own level and every step its own onset: what the
+    /// lag alone fails to explain.
+    pub fit_percent_own_levels: f64,
+    /// The same of a perfect model: what the scatter of settled rows leaves.
+    pub ceiling_percent: f64,
+    /// The simulated response over [`Self::runs`], one run behind the other.
+    pub simulated: Vec<f64>,
+    /// What is odd about the record.
+    pub warnings: Vec<StepsWarning>,
+}
+
+impl Serialize for StaircaseFit {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("StaircaseFit", 8)?;
+        values.serialize_field("record", &self.record)?;
+        values.serialize_field("delay_s", &self.delay_s.value)?;
+        values.serialize_field("delay_s_std", &self.delay_s.std)?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.serialize_field("fit_percent_with_spikes", &self.fit_percent_with_spikes)?;
+        values.serialize_field("ceiling_percent", &self.ceiling_percent)?;
+        values.serialize_field("levels", &self.levels)?;
+        values.serialize_field("steps", &self.steps)?;
+        values.end()
+    }
+}
+
+/// Fits a lag toward a static map to a staircase.
+///
+/// `esc_frame_hz` is the rate at which the ESC takes commands over, where it is known: half a frame of the
+/// delay is then the frame's.
+///
+/// # Errors
+/// [`StepsError`]: no response, a command that never changes, a motor that never runs steadily, no step
+/// that carries a lag.
+pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
+    let raw = checked_response(record, output)?;
+    let runs = Run::all(record, output)?;
+    let mut steps = step::steps_of(&record.time_s, &runs);
+    let (y, spike) = (runs[0].clean.clone(), runs[0].spike.clone());
+    let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
+    let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
+    let limit = runs.iter().find_map(|run| run.limits.first());
+    let lag = fit::fit(&data, &runs, &mut steps, frame_s).map_err(|error| match (error, limit) {
+        (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+        (error, _) => error,
+    })?;
+    let curve = join(&mut steps, &lag);
+    let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
+    let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
+
+    // Those first that change the answer most.
+    let mut warnings = warnings::of_steps(record, &runs, &steps);
+    warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
+    warnings.extend(warnings::of_fit(&levels, &lag, curve.as_ref()));
+    warnings.extend(warnings::of_runs(record, output, &runs));
+
+    let common = |plateau: &Plateau, _: Option<&StepLag>| {
+        // A limit is no level of the motor, but all that is known there.
+        let level = if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
+        (level, lag.delay_s.value)
+    };
+    let own = |plateau: &Plateau, step: Option<&StepLag>| {
+        let level = if plateau.state == State::Short { common(plateau, None).0 } else { plateau.mean };
+        step.map_or((level, lag.delay_s.value), |step| (step.after, step.delay_s))
+    };
+    let simulate = |level: &LevelAndDelay<'_>| -> Vec<f64> {
+        let run = |run: &Run| response_of(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
+        runs.iter().flat_map(run).collect()
+    };
+    let simulated = simulate(&common);
+    let own_levels = simulate(&own);
+    let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
+    let shown: Vec<bool> = runs.iter().flat_map(Run::rows_that_show).collect();
+    let nothing = step::rows_that_say_nothing(&spike, &runs, &steps);
+    let clean = |k: usize| shown[k] && !nothing[rows[k]];
+    let ceiling = || {
+        let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));
+        let left = noise.enumerate().filter(|&(k, _)| clean(k)).map(|(_, variance)| variance).sum();
+        let kept: Vec<f64> = (0..rows.len()).filter(|&k| clean(k)).map(|k| y[rows[k]]).collect();
+        percent_when_left(left, spread(&kept))
+    };
+    let percent = |of: &[f64], simulated: &[f64], kept: &dyn Fn(usize) -> bool| {
+        let pairs = (0..rows.len()).filter(|&k| kept(k)).map(|k| (of[rows[k]], simulated[k]));
+        let (y, simulated): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        // Minus infinity for a response that is constant, which runs with a usable step are not.
+        fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
+    };
+    Ok(StaircaseFit {
+        record: record.file.clone(),
+        output,
+        fit_percent: percent(&y, &simulated, &clean),
+        fit_percent_with_spikes: percent(raw, &simulated, &|k| shown[k]),
+        fit_percent_own_levels: percent(&y, &own_levels, &clean),
+        ceiling_percent: ceiling(),
+        delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, ..lag.delay_s },
+        onset_std_s: lag.onset_std_s,
+        stamp_std_s: lag.stamp_std_s,
+        curvature: lag.curvature,
+        runs: runs.iter().map(Run::rows).collect(),
+        steps,
+        curve,
+        levels,
+        main_direction,
+        simulated,
+        warnings,
+    })
+}
+
+/// Lays the curve through the steps; marks those that are hardly known or contradict the others, and widens the intervals of
+/// all by what they differ by.
+fn join(steps: &mut [Step], lag: &LagFit) -> Option<TimeConstantCurve> {
+    let fitted: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].lag.is_some()).collect();
+    let mut known = Vec::new();
+    for (place, &k) in fitted.iter().enumerate() {
+        let relative_std = lag.covariance[(place, place)].sqrt();
+        if relative_std <= MAX_RELATIVE_STD {
+            known.push(place);
+        } else {
+            steps[k].fault = Some(StepFault::Uncertain { relative_std });
+        }
+    }
+    let reading = |&place: &usize| {
+        let step = &steps[fitted[place]];
+        let log_tau = step.lag.map_or(f64::NAN, |lag| lag.time_constant_s.value.ln());
+        Reading { command: step.to, direction: step.direction(), log_tau }
+    };
+    let readings: Vec<Reading> = known.iter().map(reading).collect();
+    let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| lag.covariance[(known[i], known[j])]);
+    let (curve, left_out) = TimeConstantCurve::of(&readings, &covariance)?;
+    for (place, ratio) in left_out {
+        steps[fitted[known[place]]].fault = Some(StepFault::Contradicts { ratio });
+    }
+    for &k in &fitted {
+        let Some(lag) = &mut steps[k].lag else { continue };
+        let tau = &mut lag.time_constant_s;
+        tau.std = tau.std.hypot(tau.value * curve.between_std);
+        if curve.between_std > 0.0 {
+            tau.dof = curve.dof();
+        }
+    }
+    Some(curve)
+}
+
+fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsError> {
+    let y = record
+        .response(output)
+        .ok_or_else(|| StepsError::NoResponse { record: record.file.clone(), column: output.column() })?;
+    let columns = [&record.time_s[..], &record.command, y];
+    let finite = columns.iter().all(|c| c.iter().all(|v| v.is_finite()));
+    let even = columns.iter().all(|c| c.len() == y.len());
+    let forward = record.time_s.is_sorted_by(|a, b| a < b);
+    if finite && even && forward { Ok(y) } else { Err(StepsError::Malformed { record: record.file.clone() }) }
+}
+
+/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
+/// levels.
+fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
+    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
+    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
+        return response(level);
+    }
+    let above = levels.partition_point(|l| l.command < command);
+    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
+        (Some(low), Some(high)) => {
+            let share = (command - low.command) / (high.command - low.command);
+            response(low) + share * (response(high) - response(low))
+        }
+        (one, other) => one.or(other).map_or(0.0, response),
+    }
+}
+
+/// The level of a plateau and the delay to it, by what is known of the step that leads to it.
+type LevelAndDelay<'a> = dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64) + 'a;
+
+/// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
+fn response_of(
+    run: &Run,
+    time_s: &[f64],
+    steps: &[Step],
+    lag: &LagFit,
+    curve: Option<&TimeConstantCurve>,
+    level_and_delay: &LevelAndDelay<'_>,
+) -> Vec<f64> {
+    let rows = run.rows();
+    let segments: Vec<Segment> = run
+        .plateaus
+        .iter()
+        .map(|plateau| {
+            let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().and_then(|k| steps[k].lag);
+            let (level, delay_s) = level_and_delay(plateau, step.as_ref());
+            // Beyond the steps that it rests on, the curve is not to be trusted further than its ends.
+            let of_curve = curve.map(|curve| {
+                let at = plateau.command.clamp(curve.range.0, curve.range.1);
+                curve.toward(at, plateau.direction.unwrap_or(Direction::Up)).value
+            });
+            let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
+            let bend = lag.bend_per_s * time_constant_s;
+            Segment { from_s: time_s[plateau.rows.start], level, time_constant_s, delay_s, bend }
+        })
+        .collect();
+    let mut simulated = vec![0.0; rows.len()];
+    // The fit went through the same steps, so they have a response; should rounding say otherwise, the
+    // percentages say so too.
+    let _ = simulate(&segments, &time_s[rows], &mut simulated);
+    simulated
+}

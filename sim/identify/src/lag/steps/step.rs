@@ -1,0 +1,274 @@
+//! Steps of a staircase: which there are, and why one carries no lag.
+
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+use std::fmt;
+use std::ops::Range;
+
+use rotorlead_numerics::sample::{mean, median};
+
+use super::Run;
+use super::plateaus::{Direction, Plateau, State};
+use super::response::{Segment, value};
+use crate::estimate::Estimate;
+use crate::rows::gaps::rows_after_gaps;
+
+/// Rows of a window that are before its step.
+const ROWS_BEFORE: usize = 30;
+/// A step below so many standard errors of its two levels is not there.
+const LEAST_STD: f64 = 3.0;
+/// A step in which more than this share of the response's way is in one gap of the log shows no lag: a logger that stalls
+/// stamps late, and its next reading may be from any time of the gap.
+const MOST_IN_GAP: f64 = 0.2;
+/// A response that still moves by this share of the coming step, where a step begins, has not settled.
+const MOST_UNSETTLED: f64 = 0.1;
+
+/// Why a step carries no lag.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StepFault {
+    /// The log has a gap where the command changes, so nobody knows when it did.
+    CommandInGap {
+        /// Its length, seconds.
+        gap_s: f64,
+    },
+    /// The log has a gap where the response moves.
+    ResponseInGap {
+        /// When it begins, seconds after the command.
+        after_s: f64,
+        /// Its length, seconds.
+        gap_s: f64,
+        /// The share of the response's way that is in it.
+        share: f64,
+    },
+    /// The response had not settled when the command changed.
+    Unsettled,
+    /// The level before or after is too short to settle.
+    Short,
+    /// The response stands on a limit before or after.
+    Limited,
+    /// It is too small for the noise, or against the command.
+    Hidden {
+        /// Change of the settled response, in the direction of the command.
+        rise: f64,
+        /// Standard error of that change.
+        std: f64,
+    },
+    /// So many steps lead to this level that others were enough.
+    NotNeeded,
+    /// Its time constant is hardly known.
+    Uncertain {
+        /// Relative standard error.
+        relative_std: f64,
+    },
+    /// Its time constant is far from what the other steps say of this operating point.
+    Contradicts {
+        /// It, over what the others say.
+        ratio: f64,
+    },
+}
+
+impl fmt::Display for StepFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::CommandInGap { gap_s } => {
+                write!(f, "the command changes within a gap of {:.0} ms in the log", 1e3 * gap_s)
+            }
+            Self::ResponseInGap { after_s, gap_s, share } => write!(
+                f,
+                "{:.0} % of the response is in a gap of {:.0} ms in the log that begins {:.0} ms after the command",
+                100.0 * share,
+                1e3 * gap_s,
+                1e3 * after_s
+            ),
+            Self::Unsettled => f.write_str("the response had not settled when the command changed"),
+            Self::Short => f.write_str("the level before or after is too short to settle"),
+            Self::Limited => f.write_str("the response stands on a limit of its scale before or after"),
+            Self::Hidden { rise, std } if *rise > 0.0 => {
+                write!(f, "it is too small for the noise: {rise:.4} +- {std:.4}")
+            }
+            Self::Hidden { rise, std } => {
+                write!(f, "the response does not move in the direction of the command: {rise:.4} +- {std:.4}")
+            }
+            Self::NotNeeded => f.write_str("other steps to this level are enough"),
+            Self::Uncertain { relative_std } => {
+                write!(f, "its time constant is known to {:.0} % only", 100.0 * relative_std)
+            }
+            Self::Contradicts { ratio } => {
+                write!(f, "its time constant is {ratio:.2} times what the other steps say of this operating point")
+            }
+        }
+    }
+}
+
+/// One change of the command between two plateaus, with what was found of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// The first row with the new command.
+    pub row: usize,
+    /// When that is, seconds.
+    pub at_s: f64,
+    /// Rows that were fitted, or would have been.
+    pub window: Range<usize>,
+    /// Command before.
+    pub from: f64,
+    /// Command after.
+    pub to: f64,
+    /// Settled response before.
+    pub before: f64,
+    /// Settled response after.
+    pub after: f64,
+    /// The lag; `None` where no fit was made.
+    pub lag: Option<StepLag>,
+    /// Why no time constant is taken from it.
+    pub fault: Option<StepFault>,
+}
+
+impl Serialize for Step {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let tau = self.time_constant_s();
+        let mut values = serializer.serialize_struct("Step", 9)?;
+        values.serialize_field("time_s", &self.at_s)?;
+        values.serialize_field("from", &self.from)?;
+        values.serialize_field("to", &self.to)?;
+        values.serialize_field("before", &self.before)?;
+        values.serialize_field("after", &self.after)?;
+        values.serialize_field("time_constant_s", &tau.map(|tau| tau.value))?;
+        values.serialize_field("time_constant_s_interval", &tau.map(|tau| tau.interval_of_logarithm(0.95)))?;
+        values.serialize_field("delay_s", &self.lag.filter(|_| tau.is_some()).map(|lag| lag.delay_s))?;
+        values.serialize_field("left_out", &self.fault.map(|fault| fault.to_string()))?;
+        values.end()
+    }
+}
+
+/// The lag of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepLag {
+    /// Time constant of small motions about the level after the step, seconds; use [`Estimate::interval_of_logarithm`].
+    pub time_constant_s: Estimate,
+    /// Delay of this step as logged, seconds.
+    pub delay_s: f64,
+    /// Response that it ends on.
+    pub after: f64,
+    /// Response that it starts from.
+    pub before: f64,
+    /// % fit over its window.
+    pub fit_percent: f64,
+    /// How much faster than an exponential it starts, per unit of the response (`response`).
+    pub(super) bend: f64,
+}
+
+impl StepLag {
+    /// The fitted response, so many seconds after the command.
+    #[must_use]
+    pub fn response(&self, after_s: f64) -> f64 {
+        let segment = Segment {
+            from_s: 0.0,
+            level: self.after,
+            time_constant_s: self.time_constant_s.value,
+            delay_s: self.delay_s,
+            bend: self.bend,
+        };
+        // The fit has a response; should rounding say otherwise, it is drawn as it comes out.
+        value(&segment, self.before - self.after, after_s, &mut true)
+    }
+}
+
+impl Step {
+    /// Which way the command went.
+    #[must_use]
+    pub fn direction(&self) -> Direction {
+        if self.to > self.from { Direction::Up } else { Direction::Down }
+    }
+
+    /// Whether a gap of the log hides its command or its response.
+    pub(super) fn is_in_gap(&self) -> bool {
+        matches!(self.fault, Some(StepFault::CommandInGap { .. } | StepFault::ResponseInGap { .. }))
+    }
+
+    /// The time constant, where it is known.
+    #[must_use]
+    pub fn time_constant_s(&self) -> Option<Estimate> {
+        self.lag.filter(|_| self.fault.is_none()).map(|lag| lag.time_constant_s)
+    }
+}
+
+/// All steps of a record's runs, in time, with a fault where one is seen without a fit.
+pub(super) fn steps_of(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
+    let after_gaps = rows_after_gaps(time_s);
+    let of_run = |run: &Run| {
+        let pairs = run.plateaus.windows(2).enumerate();
+        pairs.map(|(k, pair)| step(time_s, &after_gaps, run, k, &pair[0], &pair[1])).collect::<Vec<Step>>()
+    };
+    runs.iter().flat_map(of_run).collect()
+}
+
+fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
+    let y = &run.clean;
+    let row = to.rows.start;
+    let ahead = row.saturating_sub(ROWS_BEFORE).max(before.rows.start);
+    let level = mean(&y[ahead..row]);
+    let rise = to.mean - level;
+    let sign = if to.direction == Some(Direction::Down) { -1.0 } else { 1.0 };
+    let std = before.mean_std.hypot(to.mean_std);
+    let is_gap = |row: &usize| after_gaps.binary_search(row).is_ok();
+    let gap_s = |row: usize| time_s[row] - time_s[row - 1];
+    let fault = if before.state == State::Short || to.state == State::Short {
+        Some(StepFault::Short)
+    } else if !(run.shows(k) && run.shows(k + 1)) {
+        Some(StepFault::Limited)
+    } else if is_gap(&row) {
+        Some(StepFault::CommandInGap { gap_s: gap_s(row) })
+    } else if sign * rise <= LEAST_STD * std {
+        Some(StepFault::Hidden { rise: sign * rise, std })
+    } else if drift(&y[ahead..row]) > MOST_UNSETTLED * rise.abs() {
+        Some(StepFault::Unsettled)
+    } else {
+        // The reading after a gap may be from before it.
+        let moved = |gap: usize| (y[(gap + 1).min(to.rows.end - 1)] - y[gap - 1]) / rise;
+        let first = after_gaps.partition_point(|gap| *gap <= row);
+        let gaps = after_gaps[first..].iter().take_while(|gap| **gap < to.rows.end);
+        let worst = gaps.map(|&gap| (gap, moved(gap))).max_by(|a, b| a.1.total_cmp(&b.1));
+        worst.filter(|(_, share)| *share > MOST_IN_GAP).map(|(gap, share)| StepFault::ResponseInGap {
+            after_s: time_s[gap - 1] - time_s[row],
+            gap_s: gap_s(gap),
+            share: share.min(1.0),
+        })
+    };
+    Step {
+        row,
+        at_s: time_s[row],
+        window: ahead..to.rows.end,
+        from: before.command,
+        to: to.command,
+        before: level,
+        after: to.mean,
+        lag: None,
+        fault,
+    }
+}
+
+/// Rows of a record that say nothing of a lag: spikes, and what follows a step that a gap of the log hides, until it has
+/// settled.
+pub(super) fn rows_that_say_nothing(spike: &[bool], runs: &[Run], steps: &[Step]) -> Vec<bool> {
+    let mut nothing = spike.to_vec();
+    for plateau in runs.iter().flat_map(|run| &run.plateaus) {
+        let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().map(|k| &steps[k]);
+        if step.is_some_and(Step::is_in_gap) {
+            nothing[plateau.rows.start..plateau.settled().start].fill(true);
+        }
+    }
+    nothing
+}
+
+/// By how much the second half of some rows is off the first, beyond what their scatter explains.
+fn drift(values: &[f64]) -> f64 {
+    let (first, second) = values.split_at(values.len() / 2);
+    if first.is_empty() {
+        return 0.0;
+    }
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    // The median of the absolute difference of two normal numbers is 0.95 of the standard deviation of one.
+    let noise = median(changes).unwrap_or(0.0) / 0.95;
+    let apart = (mean(second) - mean(first)).abs();
+    apart - LEAST_STD * noise * (4.0 / values.len() as f64).sqrt()
+}
