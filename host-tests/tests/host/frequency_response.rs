@@ -88,7 +88,7 @@ fn waves(realizations: u32) -> (DetectionSet, Vec<Vec<f64>>) {
 }
 
 fn spectrum(record: &Record) -> Spectrum {
-    Spectrum::of(&experiment(vec![]), record, &SpectrumOptions::default()).unwrap()
+    Spectrum::from_record(&experiment(vec![]), record, &SpectrumOptions::default()).unwrap()
 }
 
 fn identified(records: Vec<Record>) -> NominalIdentification {
@@ -144,7 +144,7 @@ fn the_band_of_a_record_covers_and_its_levels_are_those_of_a_linear_motor() {
     let (mut covered, mut lines) = (0, 0);
     for seed in 0..200 {
         let record = LINEAR.run(&waves[0], 4, seed);
-        let response = FrequencyResponse::of(&spectrum(&record));
+        let response = FrequencyResponse::from_spectrum(&spectrum(&record));
         for line in &response.lines {
             let truth = GAIN * (1.0 - decay) / (Complex64::cis(line.omega_rad_s / RATE_HZ) - decay);
             covered += u32::from((line.response - truth).norm() <= response.confidence_radius(line, 0.95));
@@ -183,7 +183,7 @@ fn a_hum_between_the_lines_is_found_and_the_lines_beside_it_are_covered() {
                 (hum.omega_rad_s / TAU - frequency_hz).abs() < 0.02 && (hum.amplitude - 0.1).abs() < 0.02
             }));
         }
-        let response = FrequencyResponse::of(&found);
+        let response = FrequencyResponse::from_spectrum(&found);
         for line in response.lines.iter().filter(|line| (line.omega_rad_s / TAU - 20.0).abs() < 3.0) {
             let truth = GAIN * (1.0 - decay) / (Complex64::cis(line.omega_rad_s / RATE_HZ) - decay);
             covered += u32::from((line.response - truth).norm() <= response.confidence_radius(line, 0.95));

@@ -14,7 +14,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, StaticValue, bandwidth_of, bandwidth_of_etfe};
+use rotorlead_identify::frequency_response::bandwidth::{
+    Bandwidth, StaticValue, compute_bandwidth, compute_etfe_bandwidth,
+};
 use rotorlead_identify::lag::multisine::{IdentifyWarning, NominalIdentification, PeriodicOptions, identify_periodic};
 use rotorlead_identify::spectra::NoiseSource;
 use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
@@ -392,9 +394,9 @@ fn simulated_bandwidths_of_table_3_come_out_to_a_thousandth() {
     ];
     for (&(_, gain, pole), (uncompensated, compensated)) in TABLE_1.iter().zip(table_3) {
         let plant = |w: f64| gain / Complex64::new(1.0, w / pole);
-        let found = bandwidth_of(plant, 1e4).rad_s().unwrap();
+        let found = compute_bandwidth(plant, 1e4).rad_s().unwrap();
         assert!((found - uncompensated).abs() < 1e-3, "{found} {uncompensated}");
-        let found = bandwidth_of(|w| plant(w) * compensator(w), 1e4).rad_s().unwrap();
+        let found = compute_bandwidth(|w| plant(w) * compensator(w), 1e4).rad_s().unwrap();
         assert!((found - compensated).abs() < 1e-3, "{found} {compensated}");
     }
 }
@@ -411,8 +413,8 @@ fn intervals_of_the_bandwidth_cover_it() {
     let rank = |b: Bandwidth| b.rad_s().unwrap_or(f64::INFINITY);
     for pole in [0.0, 0.95] {
         let [covered, above, below, wide] = shares(pole, 200, |repeat, n, gain, pole_rad_s| {
-            let truth = bandwidth_of(|w| gain / Complex64::new(1.0, w / pole_rad_s), 1e3).rad_s().unwrap();
-            let found = bandwidth_of_etfe(&n.responses[0].actuator, StaticValue::default(), 200, repeat).unwrap();
+            let truth = compute_bandwidth(|w| gain / Complex64::new(1.0, w / pole_rad_s), 1e3).rad_s().unwrap();
+            let found = compute_etfe_bandwidth(&n.responses[0].actuator, StaticValue::default(), 200, repeat).unwrap();
             let (low, high) = (rank(found.lower), rank(found.upper));
             [(low..=high).contains(&truth), low > truth, high < truth, high - low > 0.2 * truth]
         });

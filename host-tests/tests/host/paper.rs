@@ -6,7 +6,7 @@ use host_tests::{OMEGA_G_RAD_S, TABLE_1, paper_design};
 use rotorlead::design::LeadParameters;
 use rotorlead_design::{Chain, DesignOptions, bandwidths, design};
 use rotorlead_identify::frequency_response::bandwidth::{
-    Bandwidth, EtfeBandwidth, StaticValue, bandwidth_of, bandwidth_of_etfe,
+    Bandwidth, EtfeBandwidth, StaticValue, compute_bandwidth, compute_etfe_bandwidth,
 };
 use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::{Plan, Prediction, add_noise, run};
@@ -68,7 +68,7 @@ fn predictions(plan: &Plan, model: &Model) -> Vec<f64> {
         .iter()
         .map(|&(nominal, ..)| {
             let prediction = Prediction::new(plan, model, nominal, Some(&paper_design().into())).unwrap();
-            bandwidth_of(|omega| prediction.response(omega), 2.0 * PI * 44.9).rad_s().unwrap()
+            compute_bandwidth(|omega| prediction.response(omega), 2.0 * PI * 44.9).rad_s().unwrap()
         })
         .collect()
 }
@@ -83,7 +83,7 @@ fn measure(experiment: &Experiment, seed: u64) -> Vec<EtfeBandwidth> {
         .map(|nominal| {
             let gain = nominal.fit.gain;
             let static_value = StaticValue::Estimated { value: gain.value, std: gain.std };
-            bandwidth_of_etfe(&nominal.responses[0].etfe, static_value, 400, seed).unwrap()
+            compute_etfe_bandwidth(&nominal.responses[0].etfe, static_value, 400, seed).unwrap()
         })
         .collect()
 }

@@ -5,22 +5,20 @@
 use host_tests::real_log;
 use rotorlead_diagnose::{Diagnosis, Lateness, Options, Verdict, diagnose};
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_identify::lag::steps::{LawComparison, compare_laws};
 use rotorlead_plant::Catalog;
 use rotorlead_plant::effect::{ActiveEffect, Parameter};
 use rotorlead_records::import::{ImportOptions, import};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
-fn diagnosed(name: &str) -> Option<(Diagnosis, LawComparison)> {
+fn diagnosed(name: &str) -> Option<Diagnosis> {
     let log = import(&real_log(name)?, &ImportOptions::default()).unwrap().experiment;
     let catalog = Catalog::standard();
     let found = diagnose(&log, &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap();
-    let laws = compare_laws(&log.records[0], log.output).unwrap();
-    print(name, &found, &laws);
-    Some((found, laws))
+    print(name, &found);
+    Some(found)
 }
 
-fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
+fn print(name: &str, found: &Diagnosis) {
     let percent = |gap: f64| 100.0 * (1.0 - gap);
     println!(
         "{name}: {}, fit {:.2} % before, {:.2} % after, {:.2} % at most; {}",
@@ -37,27 +35,30 @@ fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
         }
         println!("; or {:?}", effect.alternatives);
     }
-    for (split, law) in found.splits.iter().zip(&laws.held_out) {
+    for split in &found.splits {
         println!(
-            "  {}: {:.2} % before, {:.2} % after, {:.2} % at most; one lag with a map {:.2} %, speed-dependent {:.2} %",
+            "  {}: {:.2} % before, {:.2} % after, {:.2} % at most",
             split.split,
             percent(split.gap.before),
             percent(split.gap.after),
             percent(split.gap.noise_floor),
-            law.one_lag_percent,
-            law.speed_dependent_percent
         );
     }
 }
 
-/// What holds of every log. `names` is what is named, the most valuable first, and `least_percent` the fit on all steps.
-fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_percent: f64) {
+/// What holds of every log. `log` is what docs/diagnosis.md calls it, `names` is what is named, the most valuable first, and
+/// `least_percent` the fit on all steps.
+fn check(found: &Diagnosis, log: &str, names: &[&str], least_percent: f64) {
+    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/diagnosis.md")).unwrap();
+    for row in rows_of_docs(found, log) {
+        assert!(docs.contains(&row), "docs/diagnosis.md has no row\n{row}");
+    }
     assert_eq!(found.verdict, if names.is_empty() { Verdict::Unknown } else { Verdict::PartlyNamed });
     assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), names);
     assert!(100.0 * (1.0 - found.fitted.after) > least_percent, "{:?}", found.fitted);
     // More than noise is left.
     assert!(found.excess.1.significance() > 5.0 && found.fitted.after > found.fitted.noise_floor, "{:?}", found.excess);
-    assert_eq!((found.splits.len(), laws.held_out.len()), (4, 4));
+    assert_eq!(found.splits.len(), 4);
     // How a speed settles is measured, and has no name.
     assert!(found.has_free_map && found.decisions.iter().all(|decision| decision.kind.id != "quadratic_thrust"));
     for decision in &found.decisions {
@@ -84,6 +85,21 @@ fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_perce
     assert_eq!(ActiveEffect::of_model(&found.model).unwrap().len(), found.effects.len());
 }
 
+/// What docs/diagnosis.md has of a log: its fit on all steps, and on those that each split holds out.
+fn rows_of_docs(found: &Diagnosis, log: &str) -> Vec<String> {
+    let percent = |gap: f64| 100.0 * (1.0 - gap);
+    let all = &found.fitted;
+    let steps = match found.effects.is_empty() {
+        true => format!("| {log} | {:.1} | nothing |", percent(all.before)),
+        false => format!("| {log} | {:.1} -> {:.1} |", percent(all.before), percent(all.after)),
+    };
+    let held_out = found.splits.iter().map(|split| {
+        let [before, after, most] = [split.gap.before, split.gap.after, split.gap.noise_floor].map(percent);
+        format!("| {log} | {} | {before:.1} | {after:.1} | {most:.1} |", split.split)
+    });
+    std::iter::once(steps).chain(held_out).collect()
+}
+
 /// The delay that is named, in milliseconds, and what is said of whose it is.
 fn delay_ms(found: &Diagnosis) -> (f64, &Lateness) {
     let delay = found.effects.iter().find(|effect| effect.kind.id == "transport_delay").unwrap();
@@ -91,7 +107,7 @@ fn delay_ms(found: &Diagnosis) -> (f64, &Lateness) {
 }
 
 /// A log of a stand whose command is 0 to 2047, without the rows at command `without`.
-fn of_dshot(name: &str, without: Option<f64>) -> Option<(Diagnosis, LawComparison)> {
+fn of_dshot(name: &str, without: Option<f64>) -> Option<Diagnosis> {
     let path = real_log("Log_2019-11-09_181347.csv")?.parent()?.parent()?.join("sar_simulation").join(name);
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.trim_start_matches('\u{feff}').lines().filter(|line| !line.starts_with('#'));
@@ -137,9 +153,8 @@ fn of_dshot(name: &str, without: Option<f64>) -> Option<(Diagnosis, LawCompariso
     };
     let catalog = Catalog::standard();
     let found = diagnose(&log, &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap();
-    let laws = compare_laws(&log.records[0], log.output).unwrap();
-    print(name, &found, &laws);
-    Some((found, laws))
+    print(name, &found);
+    Some(found)
 }
 
 /// Fitted by hand, a static map, a lag and a delay of 26 ms reach 89 %, a lag that depends on the speed reaches 94 %. What is late by so much
@@ -147,8 +162,7 @@ fn of_dshot(name: &str, without: Option<f64>) -> Option<(Diagnosis, LawCompariso
 #[test]
 fn rcbenchmark_log() {
     let Some(found) = diagnosed("Log_2019-11-09_181347.csv") else { return };
-    check(&found, &["supply_sag", "transport_delay"], 98.5);
-    let found = found.0;
+    check(&found, "RCbenchmark", &["supply_sag", "transport_delay"], 98.5);
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
     // It could as well be a mean.
@@ -161,25 +175,23 @@ fn rcbenchmark_log() {
 #[test]
 fn esc32_log_f60() {
     let Some(found) = diagnosed("esc32v3_f60-1.csv") else { return };
-    check(&found, &[], 97.0);
+    check(&found, "ESC32, f60", &[], 97.0);
 }
 
 #[test]
 fn esc32_log_f40() {
     let Some(found) = diagnosed("f40_steps_5-2.csv") else { return };
-    check(&found, &["winding_heating"], 98.0);
+    check(&found, "ESC32, f40", &["winding_heating"], 98.0);
 }
 
 /// By hand the delay is 29.9 ms. The five rows at command 753 are too short to settle; the run goes on with and without them. The heat
 /// shows, if weakly, in the steps around them.
 #[test]
 fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
-    for (without, names) in
-        [(None, &["transport_delay", "supply_sag"][..]), (Some(753.0), &["transport_delay", "supply_sag"])]
-    {
+    for (without, log) in [(None, "micro"), (Some(753.0), "micro, without five rows")] {
         let Some(found) = of_dshot("micro_2023-12-17_162234.csv", without) else { return };
-        check(&found, names, 95.0);
-        let (delay_ms, lateness) = delay_ms(&found.0);
+        check(&found, log, &["transport_delay", "supply_sag"], 95.0);
+        let (delay_ms, lateness) = delay_ms(&found);
         assert!((27.0..34.0).contains(&delay_ms), "{delay_ms}");
         assert!((2.0..3.0).contains(&lateness.rows()) && lateness.stalled_steps > 0, "{lateness:?}");
         assert!(lateness.to_string().contains("the logger or its link is the more likely one"), "{lateness}");
@@ -190,8 +202,8 @@ fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
 #[test]
 fn log_that_stands_still_during_most_of_its_steps() {
     let Some(found) = of_dshot("so_v5_2023-12-13_130935.csv", None) else { return };
-    check(&found, &["transport_delay"], 97.0);
-    assert_eq!((found.0.cut[0].stalled_steps, found.0.cut[0].steps), (11, 14));
-    let (delay_ms, lateness) = delay_ms(&found.0);
+    check(&found, "so_v5", &["transport_delay"], 97.0);
+    assert_eq!((found.cut[0].stalled_steps, found.cut[0].steps), (11, 14));
+    let (delay_ms, lateness) = delay_ms(&found);
     assert!((20.0..26.0).contains(&delay_ms) && lateness.steps == 3, "{delay_ms} {lateness:?}");
 }

@@ -17,7 +17,7 @@ pub use other_output::OtherOutput;
 pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
 
 use rotorlead_diagnose::Diagnosis;
-use rotorlead_identify::check::{Findings, of_lag, of_record};
+use rotorlead_identify::check::{Findings, check_rate, check_record};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::validate::{RecordValidation, validate};
 use rotorlead_plant::{Catalog, Judgement, Model, Word};
@@ -143,7 +143,7 @@ impl Claims {
                 }
             }
         }
-        let is_held_out = |record: &RecordValidation| record.fitted == Some(false) && record.left_over.is_some();
+        let is_held_out = |record: &RecordValidation| record.fitted == Some(false) && record.residual_power.is_some();
         if records.iter().any(is_held_out) {
             return;
         }
@@ -188,8 +188,8 @@ impl Claims {
     fn of_findings(&mut self, experiment: &Experiment, model: &Model) -> bool {
         let mut findings = Findings::default();
         for record in &experiment.records {
-            findings.extend(of_record(experiment, record, false));
-            findings.extend(of_lag(record, &model.points));
+            findings.extend(check_record(experiment, record, false));
+            findings.extend(check_rate(record, &model.points));
         }
         let findings = findings.sorted();
         let grave = findings.iter().find(|finding| finding.is_grave());

@@ -12,13 +12,13 @@ pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 /// record shows its noise.
 ///
 /// A record shows it where the power that the model leaves over that of the noise has a tail probability below the level over
-/// the number of records (Bonferroni), by [`LeftOver`](rotorlead_identify::validate::LeftOver).
+/// the number of records (Bonferroni), by [`ResidualPower`](rotorlead_identify::validate::ResidualPower).
 #[must_use]
 pub fn wrong(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
-    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
     let tested = judged.len() as f64;
     let shows_error = |record: &&RecordValidation| {
-        record.left_over.is_some_and(|left| left.p_value * tested < LEVEL)
+        record.residual_power.is_some_and(|left| left.p_value * tested < LEVEL)
             && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
     };
     (!judged.is_empty()).then(|| judged.into_iter().filter(shows_error).collect())

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use indicatif::ProgressBar;
 use miette::{Diagnostic as _, miette};
 use rotorlead_answer::{Cell, Column, Table};
-use rotorlead_identify::check::of_record;
+use rotorlead_identify::check::check_record;
 use rotorlead_records::Finding;
 use rotorlead_records::files::Quantity;
 use rotorlead_records::import::{
@@ -108,7 +108,7 @@ impl LogArguments {
         // What else may be wrong is for `rotorlead check`, which sees all records together.
         // Of a log without its command that is after it is merged.
         let records = experiment.records.iter().filter(|_| !options.without_command);
-        let findings = records.flat_map(|record| of_record(&experiment, record, false)).filter(Finding::is_grave);
+        let findings = records.flat_map(|record| check_record(&experiment, record, false)).filter(Finding::is_grave);
         Ok(Logs { findings: findings.collect(), experiment, summaries })
     }
 

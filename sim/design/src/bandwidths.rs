@@ -5,7 +5,7 @@ use rotorlead::design::LeadParameters;
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model, OperatingPoint, Point, hold_response};
 use serde::Serialize;
 
-use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, bandwidth_of};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, compute_bandwidth};
 
 /// Highest frequency that is searched for a bandwidth, rad/s; far above what a propeller follows.
 const SEARCHED_UP_TO_RAD_S: f64 = 1e4;
@@ -60,8 +60,8 @@ pub fn bandwidths_with(model: &Model, effects: &[ActiveEffect], chain: Chain) ->
         };
         BandwidthPoint {
             nominal: point.nominal,
-            uncompensated: bandwidth_of(actuator, limit),
-            compensated: bandwidth_of(|omega| chain.filter(point.nominal, omega) * actuator(omega), limit),
+            uncompensated: compute_bandwidth(actuator, limit),
+            compensated: compute_bandwidth(|omega| chain.filter(point.nominal, omega) * actuator(omega), limit),
         }
     };
     model.points.iter().map(at).collect()

@@ -40,7 +40,7 @@ fn of_records(experiment: &Experiment, output: Output) -> Option<StaticMap> {
     let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
     for record in experiment.records.iter().filter(|record| !record.compensated) {
         // Most records are no staircase, or lack the response.
-        if let Ok(found) = SteadyPoints::of(record, output, None) {
+        if let Ok(found) = SteadyPoints::from_record(record, output, None) {
             points.join(found);
         }
     }

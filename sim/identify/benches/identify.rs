@@ -116,8 +116,8 @@ fn measure(folder: &Path) -> miette::Result<()> {
     }
     let read_s = lap();
 
-    let of_long = |record| Spectrum::of_long(&experiment, record, &options);
-    let of_short = |record| Spectrum::of(&experiment, record, &options);
+    let of_long = |record| Spectrum::from_long_record(&experiment, record, &options);
+    let of_short = |record| Spectrum::from_record(&experiment, record, &options);
     let long_spectra = long.par_iter().map(of_long).collect::<Vec<_>>();
     let short_spectra = experiment.records.par_iter().map(of_short).collect::<Vec<_>>();
     let mut transformed = Vec::new();

@@ -21,7 +21,7 @@ pub struct IdentifyOptions<'a> {
     pub delay_level: f64,
     /// The stand whose response is divided out of multisines and chirps.
     pub stand: Option<&'a StandModel>,
-    /// Spectra of further multisine records, whose rows were too many to be read at once ([`Spectrum::of_long`]).
+    /// Spectra of further multisine records, whose rows were too many to be read at once ([`Spectrum::from_long_record`]).
     pub long: &'a [(Record, Spectrum)],
 }
 
@@ -129,13 +129,13 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     let has_steps = experiment.records.iter().any(|record| may_fit(record) && is_steps(record));
     let fit = FirstOrderOptions { delay_level: options.delay_level, ..FirstOrderOptions::default() };
     let mut identification = if has_multisine {
-        of_multisines(experiment, options, fit)?
+        from_multisines(experiment, options, fit)?
     } else if !has_steps && experiment.records.iter().any(is_chirp_to_fit) {
-        of_chirps(experiment, options, &fit)?
+        from_chirps(experiment, options, &fit)?
     } else if !has_steps && records().any(|record| may_fit(record) && record.excitation == Excitation::Steady) {
-        of_steady_points(experiment)
+        from_steady_points(experiment)
     } else {
-        of_steps(experiment, options)?
+        from_steps(experiment, options)?
     };
     match (identification.add_static_map(experiment), &identification.lags) {
         (Err(reason), Lags::None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone(), reason }),
@@ -148,7 +148,7 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     }
 }
 
-fn of_multisines(
+fn from_multisines(
     experiment: &Experiment,
     options: &IdentifyOptions,
     fit: FirstOrderOptions,
@@ -163,7 +163,7 @@ fn of_multisines(
     })
 }
 
-fn of_chirps(
+fn from_chirps(
     experiment: &Experiment,
     options: &IdentifyOptions,
     fit: &FirstOrderOptions,
@@ -176,7 +176,7 @@ fn of_chirps(
     Ok(Identification { model, warnings: warnings(&found.lags).collect(), lags: Lags::Chirps(found), static_map: None })
 }
 
-fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identification, IdentifyError> {
+fn from_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identification, IdentifyError> {
     let record = step_record(experiment)?;
     if options.stand.is_some() {
         return Err(IdentifyError::StandOfSteps);
@@ -200,7 +200,7 @@ fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identi
 }
 
 /// Nothing of a lag; the static map is added to it.
-fn of_steady_points(experiment: &Experiment) -> Identification {
+fn from_steady_points(experiment: &Experiment) -> Identification {
     let used = experiment.records.iter().filter(|record| may_fit(record) && record.excitation == Excitation::Steady);
     let model = Model {
         format: 1,
@@ -229,7 +229,7 @@ impl Identification {
         let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
         for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
             // Most records are no staircase, and that is no fault of theirs.
-            if let Ok(found) = SteadyPoints::of(record, experiment.output, lag_s) {
+            if let Ok(found) = SteadyPoints::from_record(record, experiment.output, lag_s) {
                 points.join(found);
             }
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use rotorlead_answer::words::counted;
 use rotorlead_answer::{Answer, Tone, Verdict};
-use rotorlead_identify::check::{Findings, RecordFault, of_lag, of_record};
+use rotorlead_identify::check::{Findings, RecordFault, check_rate, check_record};
 use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_identify::stand::{StandOptions, identify_stand};
 use rotorlead_records::{Excitation, Experiment, Finding, Inspection, Role, Severity, Topic, Unreadable};
@@ -52,7 +52,7 @@ fn findings(inspection: &Inspection) -> Vec<Finding> {
     }
     if let Some(experiment) = &inspection.experiment {
         for record in &experiment.records {
-            findings.extend(of_record(experiment, record, inspection.is_force));
+            findings.extend(check_record(experiment, record, inspection.is_force));
         }
         if inspection.is_force {
             rehearse_stand(experiment, &mut findings);
@@ -67,7 +67,7 @@ fn findings(inspection: &Inspection) -> Vec<Finding> {
 fn unreadable(fault: &Unreadable, inspection: &Inspection) -> Vec<Finding> {
     let file = fault.file.as_deref();
     let mut found = match (&fault.rows, &inspection.experiment) {
-        (Some(rows), Some(experiment)) => of_record(experiment, rows, inspection.is_force),
+        (Some(rows), Some(experiment)) => check_record(experiment, rows, inspection.is_force),
         _ => Vec::new(),
     };
     // A command outside 0 to 1 is refused first; a rate that contradicts the times only then.
@@ -110,7 +110,7 @@ fn rehearse(experiment: &Experiment, is_part: bool, findings: &mut Findings) {
                 // Which records are fitted is another question once all can be read.
                 let warnings = identified.warnings.iter().filter(|warning| !is_part || warning.topic != Topic::Roles);
                 warnings.cloned().for_each(|warning| findings.warn(warning));
-                findings.extend(rest.records.iter().filter_map(|record| of_lag(record, &identified.model.points)));
+                findings.extend(rest.records.iter().filter_map(|record| check_rate(record, &identified.model.points)));
                 return;
             }
             Err(refused) => refused,

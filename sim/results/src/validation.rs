@@ -28,9 +28,9 @@ pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
         said.push("No record shows its noise: whether the model leaves more than that cannot be said.".to_owned());
         return said;
     };
-    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
     let silent = records.len() - judged.len();
-    let least = judged.iter().filter_map(|record| record.left_over).map(|left| left.p_value).fold(1.0, f64::min);
+    let least = judged.iter().filter_map(|record| record.residual_power).map(|left| left.p_value).fold(1.0, f64::min);
     if wrong.is_empty() && least * (judged.len() as f64) < LEVEL {
         said.push(format!(
             "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the response: about what a \
@@ -51,7 +51,7 @@ pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
             100.0 * LEVEL
         ));
         for record in wrong {
-            let (Some(left), Some(error)) = (record.left_over, record.model_error_percent()) else { continue };
+            let (Some(left), Some(error)) = (record.residual_power, record.model_error_percent()) else { continue };
             said.push(format!(
                 "{}: {:.2} times the noise power (p {}), the model is off by {error:.1} % of the response",
                 record.file,
@@ -155,7 +155,7 @@ fn validation_scores(records: &[RecordValidation]) -> Table {
             Domain::Frequency => "frequency",
             Domain::Time => "time",
         };
-        let left = record.left_over;
+        let left = record.residual_power;
         let compensated = any_compensated.then(|| Cell::text(if record.compensated { "yes" } else { "no" }));
         [Cell::number(record.nominal, 3), Cell::text(record.excitation.name())]
             .into_iter()

@@ -35,7 +35,7 @@ fn spectrum(hum: Option<(f64, f64)>, periods: u32, warm_up_periods: u32, seed: u
         ..PlannedRecord::new(0.5, Excitation::Multisine)
     }];
     let experiment = run(&plan, &motor(), None, &|_| {}).unwrap();
-    Spectrum::of(&experiment, &experiment.records[0], &SpectrumOptions::default()).unwrap()
+    Spectrum::from_record(&experiment, &experiment.records[0], &SpectrumOptions::default()).unwrap()
 }
 
 /// What turns by less than 0.072 of a turn from period to period cannot be distinguished from the response: a seventh of all

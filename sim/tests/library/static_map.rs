@@ -9,7 +9,7 @@ use rotorlead_identify::estimate::Estimate;
 use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_identify::lag::steps::Direction;
 use rotorlead_identify::static_map::{
-    Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, SteadySource, fit_static_map,
+    MapLimit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, SteadySource, fit_static_map,
 };
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
@@ -92,7 +92,7 @@ fn tally(truth: &Truth, repeats: u64) -> Tally {
     for seed in 0..repeats {
         let fit = fit_static_map(&staircase(truth, seed)).unwrap();
         t.right_degree += u64::from(fit.degree() == degree);
-        let limited = matches!(fit.limit, Some(Limit::Saturates { .. }));
+        let limited = matches!(fit.limit, Some(MapLimit::Saturates { .. }));
         t.right_limit += u64::from(limited == truth.limit.is_finite());
         if fit.degree() != degree || limited != truth.limit.is_finite() {
             continue;
@@ -113,7 +113,7 @@ fn tally(truth: &Truth, repeats: u64) -> Tally {
             Some(end) => count(&mut t.dead_zone, end, truth.dead_zone),
             None => t.dead_zone.1 += 1,
         }
-        if let Some(Limit::Saturates { command, .. }) = fit.limit {
+        if let Some(MapLimit::Saturates { command, .. }) = fit.limit {
             count(&mut t.limit, command, truth.limit);
         }
     }
@@ -200,7 +200,7 @@ fn up_and_down() -> Vec<f64> {
 }
 
 fn from_record(record: &Record, lag_s: Option<f64>) -> StaticMapFit {
-    fit_static_map(&SteadyPoints::of(record, Output::ThrustN, lag_s).unwrap()).unwrap()
+    fit_static_map(&SteadyPoints::from_record(record, Output::ThrustN, lag_s).unwrap()).unwrap()
 }
 
 #[test]
@@ -211,7 +211,7 @@ fn a_staircase_record_gives_the_whole_map() {
     assert!((zone.still - 0.05).abs() < 1e-9, "{zone:?}");
     let end = zone.end.unwrap();
     assert!((end.value - 0.07).abs() < 4.0 * end.std && end.std < 0.005, "{end:?}");
-    let Some(Limit::Saturates { command, .. }) = fit.limit else { panic!("{:?}", fit.limit) };
+    let Some(MapLimit::Saturates { command, .. }) = fit.limit else { panic!("{:?}", fit.limit) };
     assert!((command.value - 0.83).abs() < 4.0 * command.std && command.std < 0.01, "{command:?}");
     let width = fit.hysteresis.unwrap();
     assert!((width.value - 0.012).abs() < 4.0 * width.std, "{width:?}");
@@ -253,7 +253,7 @@ fn a_top_that_falls_is_no_limit_and_takes_no_part() {
     }
     let fit = fit_static_map(&steady).unwrap();
     assert_eq!(fit.degree(), 2);
-    let Some(Limit::Falls { command, by }) = fit.limit else { panic!("{:?}", fit.limit) };
+    let Some(MapLimit::Falls { command, by }) = fit.limit else { panic!("{:?}", fit.limit) };
     assert!((command - 0.95).abs() < 1e-9 && by.value > 0.5, "{by:?}");
     assert!((fit.range.1 - 0.95).abs() < 1e-9);
 }
@@ -318,7 +318,7 @@ fn too_few_levels_are_refused_and_a_record_without_any_is() {
     let none = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
     assert_eq!(fit_static_map(&none), Err(StaticMapError::TooFewLevels { levels: 0 }));
     let quiet = shell(vec![0.0, 0.1, 0.2], vec![0.5; 3], vec![1.0; 3], Excitation::Free);
-    assert!(SteadyPoints::of(&quiet, Output::ThrustN, None).is_err());
+    assert!(SteadyPoints::from_record(&quiet, Output::ThrustN, None).is_err());
     for seed in 0..20 {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut odd = staircase(&QUADRATIC, seed);

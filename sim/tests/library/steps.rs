@@ -4,9 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_identify::lag::steps::{
-    Direction, SPLITS, StaircaseFit, StepsError, StepsWarning, compare_laws, fit_staircase,
-};
+use rotorlead_identify::lag::steps::{Direction, StaircaseFit, StepsError, StepsWarning, fit_staircase};
 use rotorlead_records::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
@@ -376,75 +374,6 @@ fn records_without_a_staircase_are_refused() {
     assert!(matches!(refused(&restless), StepsError::NoPlateaus { long: 0, .. }));
 }
 
-/// `dw/dt = b (W - w) + c (W^2 - w^2)` behind the quadratic map: the speed-dependent law is this motor exactly.
-fn with_drag(b: f64, c: f64, delay_s: f64, noise_std: f64, seed: u64) -> Record {
-    let plateaus = staircase(&MOTOR, &BENCH, seed);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let noise = Normal::new(0.0, noise_std).unwrap();
-    let torque = |w: f64| b * w + c * w * w;
-    let (mut w, mut now, mut k) = (map(plateaus.command[0]), 0.0, 0);
-    let rpm = plateaus
-        .time_s
-        .iter()
-        .map(|&t| {
-            while now < t - 1e-12 {
-                let h = f64::min(2e-4, t - now);
-                // The command of `delay_s` ago.
-                while plateaus.time_s.get(k + 1).is_some_and(|&next| next <= now + 0.5 * h - delay_s) {
-                    k += 1;
-                }
-                let level = map(plateaus.command[k]);
-                let rate = |w: f64| torque(level) - torque(w);
-                let half = w + 0.5 * h * rate(w);
-                w += h * rate(half);
-                now += h;
-            }
-            w + noise.sample(&mut rng)
-        })
-        .collect();
-    record(plateaus.time_s, plateaus.command, rpm)
-}
-
-#[test]
-fn the_speed_dependent_law_finds_a_motor_with_drag_and_foretells_steps_that_it_has_not_seen() {
-    let (b, c, highest) = (3.0, 1.0e-3, map(0.9));
-    let rate = b + 2.0 * c * highest;
-    let (mut held, mut all) = (0, 0);
-    for seed in 0..6 {
-        let found = compare_laws(&with_drag(b, c, 0.012, 25.0, seed), Output::Rpm).unwrap();
-        let fit = &found.speed_dependent;
-        for (estimate, truth) in
-            [(fit.delay_s, 0.012), (fit.time_constant_s, 1.0 / rate), (fit.drag_share, 2.0 * c * highest / rate)]
-        {
-            held += usize::from(!estimate.excludes(truth));
-            all += 1;
-            assert!((estimate.value - truth).abs() < 0.1 * truth, "{estimate:?} {truth}");
-        }
-        assert!((fit.time_constant_at(5000.0) - 1.0 / (b + 2.0 * c * 5000.0)).abs() < 0.006);
-        assert_eq!(found.held_out.len(), SPLITS.len());
-        for split in &found.held_out {
-            // Little but noise is left to this law, and several times as much to the other.
-            let missing = |percent: f64| split.ceiling_percent - percent;
-            assert!(missing(split.speed_dependent_percent) < 0.4, "{split:?}");
-            assert!(missing(split.speed_dependent_percent) < 0.5 * missing(split.one_lag_percent), "{split:?}");
-        }
-        assert!(found.up_down_difference.unwrap() < 0.002);
-    }
-    assert!(held * 100 >= all * 75, "{held} of {all}");
-}
-
-#[test]
-fn a_motor_of_one_lag_is_given_no_drag() {
-    let motor = Motor { delay_s: 0.008, up: |_| 0.05, down: |_| 0.05 };
-    let found = compare_laws(&staircase(&motor, &BENCH, 11), Output::Rpm).unwrap();
-    assert!(found.speed_dependent.drag_share.value.abs() < 0.1, "{:?}", found.speed_dependent);
-    assert!((found.one_lag.time_constant_s.value - 0.05).abs() < 0.002, "{:?}", found.one_lag);
-    assert!((found.one_lag.delay_s.value - 0.008).abs() < 0.001);
-    for split in &found.held_out {
-        assert!((split.one_lag_percent - split.speed_dependent_percent).abs() < 0.3, "{split:?}");
-    }
-}
-
 /// The largest reading of a sensor, revolutions per minute: between those of commands 0.60 and 0.65.
 const END_OF_SCALE: f64 = 12_700.0;
 
@@ -472,10 +401,6 @@ fn levels_on_a_limit_are_left_out_and_named() {
         assert!(model.points.iter().all(|point| point.nominal < 0.65));
         assert!(model.static_map.unwrap().command.iter().all(|&command| command < 0.65));
     }
-    let laws = compare_laws(&clipped(1), Output::Rpm).unwrap();
-    let free = compare_laws(&staircase(&MOTOR, &BENCH, 1), Output::Rpm).unwrap();
-    let (limited_s, free_s) = (laws.one_lag.time_constant_s.value, free.one_lag.time_constant_s.value);
-    assert!((limited_s / free_s - 1.0).abs() < 0.2, "{limited_s} {free_s}");
 }
 
 #[test]
@@ -504,52 +429,4 @@ fn a_response_that_is_a_deviation_is_refused_and_not_called_unsteady() {
     let error = fit_staircase(&record, Output::Rpm, None).unwrap_err();
     assert!(matches!(error, StepsError::BelowZero { command: 0.20, .. }), "{error}");
     assert!(error.to_string().contains("follows the command below zero"), "{error}");
-}
-
-/// How many of `seeds` intervals of the one lag's delay and time constant hold the truth, on steps up and down again.
-fn held_by_one_lag(plateaus: usize, seeds: u64) -> [u64; 2] {
-    let motor = Motor { delay_s: 0.012, up: |_| 0.1, down: |_| 0.1 };
-    let top = plateaus / 2;
-    let levels: Vec<f64> = (0..plateaus).map(|k| 0.2 + 0.7 * k.min(2 * top - k) as f64 / top as f64).collect();
-    let mut held = [0; 2];
-    for seed in 0..seeds {
-        let fit = compare_laws(&staircase_of(&levels, &motor, &BENCH, seed), Output::Rpm).unwrap().one_lag;
-        assert!(fit.has_intervals() && fit.plateaus == plateaus);
-        let (low, high) = fit.time_constant_s.interval_of_logarithm(0.95);
-        held[0] += u64::from(!fit.delay_s.excludes(0.012));
-        held[1] += u64::from((low..=high).contains(&0.1));
-    }
-    println!("{plateaus} plateaus: {held:?} of {seeds}");
-    held
-}
-
-/// Of 40 intervals that hold the truth with 0.95 fewer than 32 do so once in 3500 times.
-#[test]
-fn intervals_of_one_lag_hold_whatever_the_number_of_plateaus() {
-    for plateaus in [7, 9, 15] {
-        assert!(held_by_one_lag(plateaus, 40).iter().all(|&held| held >= 32));
-    }
-}
-
-#[test]
-#[ignore = "coverage of 300 records each: `cargo xtask statistics`"]
-fn intervals_of_one_lag_hold_at_full_count() {
-    for plateaus in [7, 8, 9, 11, 15, 21] {
-        // 0.95 of 300 less three and a half standard deviations.
-        assert!(held_by_one_lag(plateaus, 300).iter().all(|&held| held >= 272));
-    }
-}
-
-#[test]
-fn too_few_plateaus_have_no_interval_and_keep_what_is_known_of_drag() {
-    let motor = Motor { delay_s: 0.012, up: |_| 0.1, down: |_| 0.1 };
-    for levels in [&[0.3, 0.6, 0.9][..], &[0.2, 0.4, 0.6, 0.8, 0.9], &[0.2, 0.3, 0.4, 0.6, 0.8, 0.9]] {
-        let found = compare_laws(&staircase_of(levels, &motor, &BENCH, 1), Output::Rpm).unwrap();
-        for fit in [&found.one_lag, &found.speed_dependent] {
-            assert!(!fit.has_intervals() && fit.plateaus == levels.len(), "{fit:?}");
-            assert!(fit.delay_s.std.is_infinite() && fit.time_constant_s.std.is_infinite(), "{fit:?}");
-        }
-        assert!((found.one_lag.time_constant_s.value - 0.1).abs() < 0.004, "{:?}", found.one_lag);
-        assert!((-0.3..=1.1).contains(&found.speed_dependent.drag_share.value), "{:?}", found.speed_dependent);
-    }
 }

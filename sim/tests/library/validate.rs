@@ -277,14 +277,14 @@ fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_al
         for seed in 1..=repeats {
             let experiment = noisy(&noise, seed);
             for (k, found) in validate(&experiment, &motor()).unwrap().iter().enumerate() {
-                alarms[k] += u32::from(found.left_over.unwrap().p_value < 0.05);
+                alarms[k] += u32::from(found.residual_power.unwrap().p_value < 0.05);
             }
             for found in validate(&experiment, &wrong).unwrap() {
                 assert!(
-                    found.left_over.unwrap().p_value < 1e-3,
+                    found.residual_power.unwrap().p_value < 1e-3,
                     "{seed} {color:?} {} {:?}",
                     found.file,
-                    found.left_over
+                    found.residual_power
                 );
                 assert!(found.model_error_percent().unwrap() > 0.5, "{}", found.file);
             }
@@ -301,10 +301,13 @@ fn a_record_whose_noise_does_not_show_has_no_power_over_noise() {
     wrong.points.iter_mut().for_each(|p| p.time_constant_s *= 1.5);
     let found = validate(&experiment(0.0), &wrong).unwrap();
     let in_frequency: Vec<_> = found.iter().filter(|found| found.domain() == Domain::Frequency).collect();
-    assert!(!in_frequency.is_empty() && in_frequency.iter().all(|found| found.left_over.is_none()), "{in_frequency:?}");
+    assert!(
+        !in_frequency.is_empty() && in_frequency.iter().all(|found| found.residual_power.is_none()),
+        "{in_frequency:?}"
+    );
     // The least noise that a good sensor has still shows: a hundred-thousandth of the thrust.
     let noise = Noise { sigma_n: 1e-5, ..Noise::default() };
-    assert!(validate(&noisy(&noise, 1), &wrong).unwrap().iter().all(|found| found.left_over.is_some()));
+    assert!(validate(&noisy(&noise, 1), &wrong).unwrap().iter().all(|found| found.residual_power.is_some()));
 }
 
 /// A staircase whose first level is left, and whose first rows are cut off so that the response is still on its way.
@@ -332,7 +335,7 @@ fn the_true_model_is_not_called_wrong_for_what_came_before_the_record() {
         for after_s in [0.05, 0.3, 0.6] {
             let p_value = |seed| {
                 let found = validate(&cut_start(&noise, seed, after_s), &motor()).unwrap();
-                found[0].left_over.unwrap().p_value
+                found[0].residual_power.unwrap().p_value
             };
             let alarms = (1..=repeats).filter(|&seed| p_value(seed) < 0.05).count();
             println!("{color:?}, cut {after_s} s after the step: {alarms} of {repeats}");
@@ -350,7 +353,7 @@ fn levels_on_a_sensors_limit_are_not_judged() {
     // Between the levels of 0.6 and 0.7.
     thrust.iter_mut().for_each(|thrust| *thrust = thrust.min(5.4));
     let found = validate(&experiment, &motor()).unwrap();
-    assert!(found[0].left_over.unwrap().p_value > 1e-3, "{:?}", found[0].left_over);
+    assert!(found[0].residual_power.unwrap().p_value > 1e-3, "{:?}", found[0].residual_power);
 }
 
 #[test]

@@ -49,6 +49,6 @@ impl Synthesis {
                 .collect()
         };
         let periods: Vec<_> = (0..self.periods).map(|_| period()).collect();
-        FrequencyResponse::of_periods(self.bin_rad_s, &self.harmonics, &periods, POOL).unwrap()
+        FrequencyResponse::from_periods(self.bin_rad_s, &self.harmonics, &periods, POOL).unwrap()
     }
 }

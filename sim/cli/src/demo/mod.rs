@@ -14,7 +14,7 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use rotorlead_answer::{Answer, Color, Figure, FigureKind, Mark, Report, Section};
 use rotorlead_design::{BandwidthPoint, Chain, DesignOptions, Latency, design};
-use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, EtfeBandwidth, bandwidth_of};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, EtfeBandwidth, compute_bandwidth};
 use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use rotorlead_identify::lag::multisine::{
@@ -245,7 +245,7 @@ fn measured(
             Ok(Measured {
                 uncompensated: before.bandwidth,
                 compensated: after.bandwidth,
-                predicted: bandwidth_of(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),
+                predicted: compute_bandwidth(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),
             })
         })
         .collect()

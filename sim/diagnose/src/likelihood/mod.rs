@@ -14,12 +14,11 @@ use std::sync::Arc;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_identify::lag::steps::{SPLITS, Split as StepSplit};
 use rotorlead_plant::Trace;
 use rotorlead_records::Excitation;
 
 use crate::data::dataset::{Dataset, Record, Split};
-use crate::data::plateaus::split::is_fitted;
+use crate::data::plateaus::split::{StepSplit, is_fitted};
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::dot;
 use excess::{Excess, Term};
@@ -299,7 +298,7 @@ impl Likelihood {
         if !is_split_up {
             return Vec::new();
         }
-        SPLITS.into_iter().filter_map(|split| self.fold(split).map(|fold| (split.words(), fold))).collect()
+        StepSplit::ALL.into_iter().filter_map(|split| self.fold(split).map(|fold| (split.words(), fold))).collect()
     }
 
     fn fold(&self, split: StepSplit) -> Option<Self> {

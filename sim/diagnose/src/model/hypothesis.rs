@@ -1,7 +1,7 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
 use num_complex::Complex64;
-use rotorlead_identify::simulation::offset_and_start;
+use rotorlead_identify::simulation::fit_offset_and_initial_state;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{
@@ -215,7 +215,7 @@ impl Hypothesis {
         let simulated = self.simulate(data, record, rows).ok()?;
         let (time_s, measured) = (&record.time_s[..rows], &record.measured[..rows]);
         let tau_s = self.base[record.point].time_constant_s;
-        let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
+        let (offset, start) = fit_offset_and_initial_state(time_s, measured, &simulated, tau_s);
         let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
         let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
         Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))

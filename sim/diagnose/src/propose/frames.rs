@@ -73,8 +73,12 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<
     if !about_hz.is_finite() {
         return None;
     }
-    let spectra: Vec<Spectrum> =
-        likelihood.data.records.iter().filter_map(|record| Spectrum::of(likelihood, record, &fit.hypothesis)).collect();
+    let spectra: Vec<Spectrum> = likelihood
+        .data
+        .records
+        .iter()
+        .filter_map(|record| Spectrum::from_record(likelihood, record, &fit.hypothesis))
+        .collect();
     // The few changes of a square wave fit frames of many rates, a multisine's many fit one: together they tell.
     let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
     let records = fitted().count();
@@ -199,7 +203,7 @@ fn placed(
 
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
-    fn of(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Self> {
+    fn from_record(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Self> {
         let adjoint = Adjoint::of(likelihood, record, hypothesis)?;
         let segment = adjoint.segment;
         let rows = segment.rows.len();

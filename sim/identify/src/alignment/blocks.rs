@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rotorlead_numerics::least_squares::Residuals as _;
 use rotorlead_numerics::sample::{mean, median};
 
-use super::problem::{DELAY, GAIN, Problem};
+use super::problem::{AlignmentProblem, DELAY, GAIN};
 
 /// How long the changes of a speed take, and longer than stamps wait for each other, seconds.
 const BLOCK_S: f64 = 1.0;
@@ -39,7 +39,7 @@ const ROUNDS: usize = 12;
 const REWEIGHTINGS: usize = 20;
 
 /// Delay and skew with their standard errors.
-pub(super) struct Line {
+pub(super) struct DelayLine {
     /// All parameters of the problem at them.
     pub(super) parameters: Vec<f64>,
     pub(super) delay_std_s: f64,
@@ -58,7 +58,7 @@ struct Block {
 }
 
 /// The line, from parameters that are near it; `None` where too few seconds have an estimate.
-pub(super) fn line(problem: &Problem<'_>, start: &[f64]) -> Option<Line> {
+pub(super) fn line(problem: &AlignmentProblem<'_>, start: &[f64]) -> Option<DelayLine> {
     let mut p = start.to_vec();
     for round in 0..ROUNDS {
         let linear = linear_parameters(problem, &p)?;
@@ -67,7 +67,7 @@ pub(super) fn line(problem: &Problem<'_>, start: &[f64]) -> Option<Line> {
         if blocks.len() < LEAST_BLOCKS {
             return None;
         }
-        let found = Fit::of(&blocks, problem.skew, round == 0)?;
+        let found = WeightedLine::fit(&blocks, problem.skew, round == 0)?;
         p[DELAY] += found.at.x;
         if problem.skew {
             let skew = problem.skew_index();
@@ -75,7 +75,7 @@ pub(super) fn line(problem: &Problem<'_>, start: &[f64]) -> Option<Line> {
         }
         if round + 1 == ROUNDS {
             let dof = (found.weight - 1.0 - f64::from(u8::from(problem.skew))).max(1.0);
-            return Some(Line {
+            return Some(DelayLine {
                 parameters: p,
                 delay_std_s: found.covariance[(0, 0)].sqrt(),
                 skew_std: found.covariance[(1, 1)].sqrt(),
@@ -87,14 +87,14 @@ pub(super) fn line(problem: &Problem<'_>, start: &[f64]) -> Option<Line> {
 }
 
 /// Offset and gain at the delay and skew of `p`.
-fn linear_parameters(problem: &Problem<'_>, p: &[f64]) -> Option<DVector<f64>> {
+fn linear_parameters(problem: &AlignmentProblem<'_>, p: &[f64]) -> Option<DVector<f64>> {
     let columns = problem.regressors(p)?;
     let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
     columns.tr_mul(&columns).cholesky().map(|normal| normal.solve(&right))
 }
 
-fn blocks(problem: &Problem<'_>, p: &[f64]) -> Option<Vec<Block>> {
-    let plain = Problem { color: Vec::new(), ..problem.clone() };
+fn blocks(problem: &AlignmentProblem<'_>, p: &[f64]) -> Option<Vec<Block>> {
+    let plain = AlignmentProblem { color: Vec::new(), ..problem.clone() };
     let interval_s = median(problem.command_time_s.windows(2).map(|pair| pair[1] - pair[0]))?;
     let modeled_at = |delay_s: f64| {
         let mut at = p.to_vec();
@@ -108,14 +108,14 @@ fn blocks(problem: &Problem<'_>, p: &[f64]) -> Option<Vec<Block>> {
     let mut jacobian = DMatrix::zeros(plain.count(), plain.parameters());
     plain.jacobian(p, &mut jacobian).then_some(())?;
     let slopes = jacobian.column(DELAY);
-    let rate = 1.0 + problem.skew_of(p);
+    let rate = 1.0 + problem.skew(p);
     let mut found = Vec::new();
     let mut first = 0;
     while first < problem.time_s.len() {
         let end = first + problem.time_s[first..].partition_point(|t| *t < problem.time_s[first] + BLOCK_S);
         let rows = first..end;
         if let Some((delay_s, variance)) =
-            delay_of(&residuals[rows.clone()], &slopes.as_slice()[rows.clone()], &wider[rows.clone()])
+            fit_delay(&residuals[rows.clone()], &slopes.as_slice()[rows.clone()], &wider[rows.clone()])
         {
             let power = |row: usize| wider[row] * wider[row];
             let moment: f64 = rows.clone().map(|row| power(row) * problem.time_s[row]).sum();
@@ -128,7 +128,7 @@ fn blocks(problem: &Problem<'_>, p: &[f64]) -> Option<Vec<Block>> {
 }
 
 /// By how much rows are late beyond the model, and the variance of that; `None` where it is not identifiable.
-fn delay_of(residuals: &[f64], slopes: &[f64], wider: &[f64]) -> Option<(f64, f64)> {
+fn fit_delay(residuals: &[f64], slopes: &[f64], wider: &[f64]) -> Option<(f64, f64)> {
     let rows = residuals.len();
     if rows < LEAST_ROWS {
         return None;
@@ -148,15 +148,15 @@ fn delay_of(residuals: &[f64], slopes: &[f64], wider: &[f64]) -> Option<(f64, f6
 }
 
 /// The line through the seconds: delay at the reference, and skew.
-struct Fit {
+struct WeightedLine {
     at: Vector2<f64>,
     covariance: Matrix2<f64>,
     /// Sum of the weights, one for a second that nothing is wrong with.
     weight: f64,
 }
 
-impl Fit {
-    fn of(blocks: &[Block], with_skew: bool, is_first: bool) -> Option<Self> {
+impl WeightedLine {
+    fn fit(blocks: &[Block], with_skew: bool, is_first: bool) -> Option<Self> {
         let lever = |block: &Block| Vector2::new(1.0, if with_skew { block.lever_s } else { 0.0 });
         let pinned = if with_skew { Matrix2::zeros() } else { Matrix2::new(0.0, 0.0, 0.0, 1.0) };
         let mut at = if is_first { median_line(blocks, with_skew)? } else { Vector2::zeros() };

@@ -83,7 +83,7 @@ pub(super) fn candidates(
     let (offset, scale) = moved_and_scaled(response.response);
     let u = on_grid(command, &drive.values, from_s, cell_s, commands);
     let transform = Correlator::new(length);
-    let u = Spectra::of(&transform, &u);
+    let u = MaskedSpectra::transform(&transform, &u);
     let middle_s = 0.5 * (start_s + end_s);
 
     let mut found: Vec<Candidate> = Vec::new();
@@ -96,17 +96,17 @@ pub(super) fn candidates(
         }
         let y = y.finish();
         let least = LEAST_SHARE * y.mask.iter().sum::<f64>().min(commands as f64);
-        let y = Spectra::of(&transform, &y);
+        let y = MaskedSpectra::transform(&transform, &y);
         let correlation = transform.coefficients(&u, &y, least);
         // Shifts run from minus the command's length to the response's, around the end of the transform.
-        let delay_of = |shift: usize| {
+        let delay_at = |shift: usize| {
             let shift = if shift < length - commands { shift as f64 } else { shift as f64 - length as f64 };
             first_s - from_s + shift * cell_s
         };
         for shift in 0..length {
             let here = correlation[shift];
             let (before, after) = (correlation[(shift + length - 1) % length], correlation[(shift + 1) % length]);
-            let delay_s = delay_of(shift);
+            let delay_s = delay_at(shift);
             let allowed =
                 options.within_s.is_none_or(|within_s| (delay_s - options.near_s).abs() <= within_s + cell_s + APART_S);
             if here > 0.0 && here >= before && here > after && allowed {
@@ -165,14 +165,14 @@ fn moved_and_scaled(values: &[f64]) -> (f64, f64) {
 }
 
 /// Transforms of a masked signal: mask, value, square.
-struct Spectra {
+struct MaskedSpectra {
     mask: Vec<Complex64>,
     value: Vec<Complex64>,
     square: Vec<Complex64>,
 }
 
-impl Spectra {
-    fn of(transform: &Correlator, signal: &Masked) -> Self {
+impl MaskedSpectra {
+    fn transform(transform: &Correlator, signal: &Masked) -> Self {
         let square: Vec<f64> = signal.value.iter().map(|v| v * v).collect();
         Self {
             mask: transform.forward(&signal.mask),
@@ -220,7 +220,7 @@ impl Correlator {
 
     /// Correlation coefficients at all shifts; zero where fewer than `least` cells are in common or one of them is
     /// constant.
-    fn coefficients(&self, u: &Spectra, y: &Spectra, least: f64) -> Vec<f64> {
+    fn coefficients(&self, u: &MaskedSpectra, y: &MaskedSpectra, least: f64) -> Vec<f64> {
         let n = self.correlate(&u.mask, &y.mask);
         let (su, sy) = (self.correlate(&u.value, &y.mask), self.correlate(&u.mask, &y.value));
         let (suu, syy) = (self.correlate(&u.square, &y.mask), self.correlate(&u.mask, &y.square));

@@ -47,7 +47,7 @@ use crate::estimate::Estimate;
 use crate::goodness_of_fit::fit_percent;
 use coarse::Candidate;
 use logs::{Drive, DriveKind};
-use problem::{DELAY, GAIN, MOST_POWERS, Problem};
+use problem::{AlignmentProblem, DELAY, GAIN, MOST_POWERS};
 
 /// Where to search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,12 +210,12 @@ pub fn align(
             None => AlignmentError::NotRelated { log: response.name.into() },
         });
     }
-    let parts: Vec<Part> = candidates.iter().map(|c| Part::of(command, response, c)).collect();
+    let parts: Vec<Overlap> = candidates.iter().map(|c| Overlap::between(command, response, c)).collect();
     if let Some(rows) = parts.iter().map(|part| part.time_s.len()).max().filter(|&rows| rows < LEAST_ROWS) {
         return Err(AlignmentError::TooShort { log: response.name.into(), rows, needed: LEAST_ROWS });
     }
     let not_converged = || AlignmentError::NotConverged { log: response.name.into() };
-    let mut tried: Vec<(&Part, Problem<'_>, Solution)> = parts
+    let mut tried: Vec<(&Overlap, AlignmentProblem<'_>, Solution)> = parts
         .iter()
         .zip(&candidates)
         .filter(|(part, _)| part.time_s.len() >= LEAST_ROWS)
@@ -235,11 +235,12 @@ pub fn align(
     for (_, mut rival, look) in tried {
         let Some(found) = refined(&mut rival, &look.parameters) else { continue };
         // Both at the logger's time zero, as the rows in common differ and their middles with them.
-        let delay_s = |problem: &Problem<'_>, s: &Solution| {
-            s.parameters[DELAY] - problem.skew_of(&s.parameters) * problem.reference_s
+        let delay_s = |problem: &AlignmentProblem<'_>, s: &Solution| {
+            s.parameters[DELAY] - problem.skew(&s.parameters) * problem.reference_s
         };
         let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
-        let apart = (first_s - second_s).abs() > 3.0 * problem.tau_of(&solution.parameters).max(response.interval_s());
+        let apart =
+            (first_s - second_s).abs() > 3.0 * problem.time_constant_s(&solution.parameters).max(response.interval_s());
         if apart && rivals::alike((&problem, &solution), (&rival, &found)) {
             let (first_s, second_s) = (solution.parameters[DELAY], found.parameters[DELAY]);
             return Err(AlignmentError::Ambiguous { first_s, second_s });
@@ -249,7 +250,7 @@ pub fn align(
 }
 
 /// The rows in common at a candidate's shift.
-struct Part {
+struct Overlap {
     time_s: Vec<f64>,
     response: Vec<f64>,
     runs: Vec<Range<usize>>,
@@ -259,8 +260,8 @@ struct Part {
     delay_s: f64,
 }
 
-impl Part {
-    fn of(command: &CommandLog<'_>, response: &ResponseLog<'_>, candidate: &Candidate) -> Self {
+impl Overlap {
+    fn between(command: &CommandLog<'_>, response: &ResponseLog<'_>, candidate: &Candidate) -> Self {
         let (start_s, end_s) = response.span_s();
         let middle_s = 0.5 * (start_s + end_s);
         let (from_s, to_s) = command.span_s();
@@ -296,8 +297,8 @@ impl Part {
         }
     }
 
-    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, drive: &'a Drive, skew: bool) -> Problem<'a> {
-        Problem {
+    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, drive: &'a Drive, skew: bool) -> AlignmentProblem<'a> {
+        AlignmentProblem {
             command_time_s: command.time_s,
             drive: &drive.values,
             kind: drive.kind,
@@ -331,7 +332,7 @@ fn powers(drive: &Drive) -> usize {
 }
 
 /// A few steps from each start; the best of them.
-fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Option<Solution> {
+fn first_look(problem: &AlignmentProblem<'_>, part: &Overlap, candidate: &Candidate) -> Option<Solution> {
     let mut best: Option<Solution> = None;
     let starts_s = if problem.lag_index().is_some() { &STARTS_S[..] } else { &[0.0] };
     for &tau_s in starts_s {
@@ -364,7 +365,7 @@ fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Opti
 
 /// The best fit of either kind. Two meters of one response differ by spikes and stamps and not by a stationary noise, whose color
 /// would make wrong delays look like right ones: there it is least squares alone.
-fn refined(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
+fn refined(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution> {
     match problem.kind {
         DriveKind::Command => whitened(problem, start),
         DriveKind::Response => minimize(problem, start, LIMITS).filter(|solution| solution.converged),
@@ -372,7 +373,7 @@ fn refined(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
 }
 
 /// The maximum-likelihood fit: least squares, then twice the color of what is left and least squares on whitened rows.
-fn whitened(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
+fn whitened(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution> {
     problem.color.clear();
     let mut solution = minimize(problem, start, LIMITS)?;
     for _ in 0..2 {
@@ -391,11 +392,11 @@ fn whitened(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
     Some(solution).filter(|s| s.converged)
 }
 
-fn white_variance(problem: &Problem<'_>, solution: &Solution) -> f64 {
+fn white_variance(problem: &AlignmentProblem<'_>, solution: &Solution) -> f64 {
     solution.sum_of_squares / degrees_of_freedom(problem)
 }
 
-fn degrees_of_freedom(problem: &Problem<'_>) -> f64 {
+fn degrees_of_freedom(problem: &AlignmentProblem<'_>) -> f64 {
     let rows = whitened_rows(problem.runs, problem.color.len());
     rows.saturating_sub(problem.parameters() + problem.color.len()).max(1) as f64
 }
@@ -405,8 +406,8 @@ fn judged(
     response: &ResponseLog<'_>,
     options: &AlignmentOptions,
     max_skew: f64,
-    part: &Part,
-    mut problem: Problem<'_>,
+    part: &Overlap,
+    mut problem: AlignmentProblem<'_>,
     mut solution: Solution,
 ) -> Result<Alignment, AlignmentError> {
     let log = || response.name.to_owned();

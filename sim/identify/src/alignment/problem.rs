@@ -35,7 +35,7 @@ const START_TIE: f64 = 1e-3;
 
 /// The data and what is held fixed.
 #[derive(Clone, Debug)]
-pub(super) struct Problem<'a> {
+pub(super) struct AlignmentProblem<'a> {
     /// Times of the command's rows on its own clock.
     pub(super) command_time_s: &'a [f64],
     /// Scaled commands, or the command log's response.
@@ -61,14 +61,14 @@ pub(super) struct Problem<'a> {
 
 /// The lag's state at one time, and its derivatives by the logarithm of the time constant.
 #[derive(Clone, Copy, Default)]
-struct State {
+struct LagState {
     x: [f64; MOST_POWERS],
     by_lag: [f64; MOST_POWERS],
     /// Its rate, per second.
     rate: [f64; MOST_POWERS],
 }
 
-impl Problem<'_> {
+impl AlignmentProblem<'_> {
     pub(super) fn parameters(&self) -> usize {
         let of_lag = if self.kind == DriveKind::Command { 2 } else { 0 };
         GAIN + self.powers + usize::from(self.skew) + of_lag
@@ -85,17 +85,17 @@ impl Problem<'_> {
     }
 
     /// Time constant in seconds; zero without a lag.
-    pub(super) fn tau_of(&self, p: &[f64]) -> f64 {
+    pub(super) fn time_constant_s(&self, p: &[f64]) -> f64 {
         self.lag_index().map_or(0.0, |lag| p[lag].exp())
     }
 
-    pub(super) fn skew_of(&self, p: &[f64]) -> f64 {
+    pub(super) fn skew(&self, p: &[f64]) -> f64 {
         if self.skew { p[self.skew_index()] } else { 0.0 }
     }
 
     /// Visits each row with its number, its time on the command's clock and the state there; false where the parameters are none.
-    fn march(&self, p: &[f64], visit: impl FnMut(usize, f64, &State)) -> bool {
-        let skew = self.skew_of(p);
+    fn march(&self, p: &[f64], visit: impl FnMut(usize, f64, &LagState)) -> bool {
+        let skew = self.skew(p);
         let times = self.time_s.iter().map(|t| self.reference_s - p[DELAY] + (t - self.reference_s) / (1.0 + skew));
         match self.lag_index() {
             _ if skew.abs() >= 0.5 => false,
@@ -111,7 +111,7 @@ impl Problem<'_> {
         &self,
         tau: f64,
         times: impl Iterator<Item = f64>,
-        mut visit: impl FnMut(usize, f64, &State),
+        mut visit: impl FnMut(usize, f64, &LagState),
     ) -> bool {
         if !(tau > 1e-6 && tau < 1e3) {
             return false;
@@ -126,9 +126,9 @@ impl Problem<'_> {
             to
         };
         let mut to = toward(self.drive[0]);
-        let mut state = State { x: to, ..State::default() };
+        let mut state = LagState { x: to, ..LagState::default() };
         let (mut now, mut next) = (self.command_time_s[0], 1);
-        let advance = |state: &mut State, to: &[f64; MOST_POWERS], by_s: f64| {
+        let advance = |state: &mut LagState, to: &[f64; MOST_POWERS], by_s: f64| {
             let h = by_s / tau;
             let decay = (-h).exp();
             for ((x, by_lag), to) in state.x.iter_mut().zip(&mut state.by_lag).zip(to).take(self.powers) {
@@ -157,7 +157,7 @@ impl Problem<'_> {
         true
     }
 
-    fn march_first_order_hold(&self, times: impl Iterator<Item = f64>, mut visit: impl FnMut(usize, f64, &State)) {
+    fn march_first_order_hold(&self, times: impl Iterator<Item = f64>, mut visit: impl FnMut(usize, f64, &LagState)) {
         let last = self.drive.len() - 1;
         let mut next = 1;
         for (row, s) in times.enumerate() {
@@ -167,7 +167,7 @@ impl Problem<'_> {
             let (from_s, to_s) = (self.command_time_s[next - 1], self.command_time_s[next]);
             let (from, to) = (self.drive[next - 1], self.drive[next]);
             let rate = (to - from) / (to_s - from_s);
-            let mut state = State::default();
+            let mut state = LagState::default();
             // Beyond its ends the log goes on as it is there.
             state.x[0] = from + rate * (s.clamp(from_s, to_s) - from_s);
             state.rate[0] = if (from_s..to_s).contains(&s) { rate } else { 0.0 };
@@ -187,7 +187,7 @@ impl Problem<'_> {
     pub(super) fn regressors(&self, p: &[f64]) -> Option<DMatrix<f64>> {
         let start = self.lag_index().map(|_| 1 + self.powers);
         let mut columns = DMatrix::zeros(self.time_s.len(), 1 + self.powers + usize::from(start.is_some()));
-        let tau = self.tau_of(p);
+        let tau = self.time_constant_s(p);
         self.march(p, |row, s, state| {
             columns[(row, 0)] = 1.0;
             for j in 0..self.powers {
@@ -201,14 +201,14 @@ impl Problem<'_> {
     }
 }
 
-impl Residuals for Problem<'_> {
+impl Residuals for AlignmentProblem<'_> {
     /// The rows, and the prior of the initial condition.
     fn count(&self) -> usize {
         self.time_s.len() + usize::from(self.lag_index().is_some())
     }
 
     fn evaluate(&self, p: &[f64], out: &mut [f64]) -> bool {
-        let tau = self.tau_of(p);
+        let tau = self.time_constant_s(p);
         let initial = self.lag_index().map(|lag| p[lag + 1]);
         let ok = self.march(p, |row, s, state| {
             let moved: f64 = state.x[..self.powers].iter().zip(&p[GAIN..]).map(|(x, g)| g * x).sum();
@@ -224,7 +224,7 @@ impl Residuals for Problem<'_> {
 
     fn jacobian(&self, p: &[f64], out: &mut DMatrix<f64>) -> bool {
         out.fill(0.0);
-        let (tau, rate) = (self.tau_of(p), 1.0 + self.skew_of(p));
+        let (tau, rate) = (self.time_constant_s(p), 1.0 + self.skew(p));
         let ok = self.march(p, |row, s, state| {
             let (mut slope, mut by_lag) = (0.0, 0.0);
             for j in 0..self.powers {
@@ -266,7 +266,7 @@ mod tests {
         let command = [-1.0, 0.3, 1.0, -0.4, 0.7];
         let time_s: Vec<f64> = (0..90).map(|k| 0.0107 * f64::from(k)).collect();
         let response = vec![0.0; 90];
-        let lagged = Problem {
+        let lagged = AlignmentProblem {
             command_time_s: &command_time_s,
             drive: &command,
             kind: DriveKind::Command,
@@ -280,11 +280,11 @@ mod tests {
             color: vec![0.6, -0.2],
         };
         check(&lagged, &[0.0123, 0.4, 1.1, -0.3, 0.15, 0.002, (0.07f64).ln(), 0.2]);
-        let held = Problem { kind: DriveKind::Response, powers: 1, ..lagged };
+        let held = AlignmentProblem { kind: DriveKind::Response, powers: 1, ..lagged };
         check(&held, &[0.0123, 0.4, 1.1, 0.002]);
     }
 
-    fn check(problem: &Problem<'_>, p: &[f64]) {
+    fn check(problem: &AlignmentProblem<'_>, p: &[f64]) {
         assert_eq!(p.len(), problem.parameters());
         let rows = problem.count();
         let mut exact = DMatrix::zeros(rows, p.len());

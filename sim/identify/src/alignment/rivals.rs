@@ -3,7 +3,7 @@
 use rotorlead_numerics::least_squares::Solution;
 
 use super::LEAST_ROWS;
-use super::problem::Problem;
+use super::problem::AlignmentProblem;
 
 /// Two delays whose log-likelihoods differ by less than this explain the logs alike.
 const SAME_LIKELIHOOD: f64 = 10.0;
@@ -19,7 +19,7 @@ const CHANCE: f64 = 4.0;
 /// `n / 2 ln(S_second / S_first)` with the sums of squares `S` of `n` whitened residuals. Rows that only one of them has take no
 /// part: by chance alone the mean squares of different rows differ by much more than the likelihoods of two delays that
 /// explain the same rows alike. Where they share too few, the ratio of the mean squares has to stand out from that chance.
-pub(super) fn alike(first: (&Problem<'_>, &Solution), second: (&Problem<'_>, &Solution)) -> bool {
+pub(super) fn alike(first: (&AlignmentProblem<'_>, &Solution), second: (&AlignmentProblem<'_>, &Solution)) -> bool {
     let (a, b) = (whitened_rows(first.0, first.1), whitened_rows(second.0, second.1));
     let mut sums = (0.0, 0.0);
     let mut common = 0;
@@ -44,7 +44,7 @@ pub(super) fn alike(first: (&Problem<'_>, &Solution), second: (&Problem<'_>, &So
 }
 
 /// Times and whitened residuals of the rows for which the noise has enough to look back on.
-fn whitened_rows(problem: &Problem<'_>, solution: &Solution) -> Vec<(f64, f64)> {
+fn whitened_rows(problem: &AlignmentProblem<'_>, solution: &Solution) -> Vec<(f64, f64)> {
     let order = problem.color.len();
     let rows = problem.runs.iter().flat_map(|run| run.clone().skip(order));
     rows.map(|row| (problem.time_s[row], solution.residuals[row])).collect()

@@ -1,6 +1,6 @@
 //! What is wrong with a folder, before anything is identified from it.
 //!
-//! Records are looked at one by one ([`of_record`]), also those that an identification would not use or could not read; what an
+//! Records are looked at one by one ([`check_record`]), also those that an identification would not use or could not read; what an
 //! identification itself says of them is for the caller to add ([`Findings::refuse`], [`Findings::warn`]), so that both agree.
 
 mod fault;
@@ -12,7 +12,7 @@ mod units;
 
 pub use fault::RecordFault;
 pub use findings::Findings;
-pub use rows::{of_lag, of_record};
+pub use rows::{check_rate, check_record};
 pub use units::{CommandUnit, ResponseUnit};
 
 /// Whole numbers without decimals, others with one.

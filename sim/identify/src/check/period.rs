@@ -13,7 +13,7 @@ const SAME_ROWS: f64 = 2.0;
 const BEYOND_MIDDLE: f64 = 0.25;
 
 /// Whether the command goes up and down at another pace than stated; `None` too where it does so less than once.
-pub(super) fn of_period(record: &Record) -> Option<RecordFault> {
+pub(super) fn check_period(record: &Record) -> Option<RecordFault> {
     let stated_s = record.period_s?;
     if !matches!(record.excitation, Excitation::Square | Excitation::Triangle) {
         return None;
@@ -66,7 +66,7 @@ mod tests {
     fn found(shape: impl Fn(f64) -> f64, excitation: Excitation, stated_s: f64) -> Option<f64> {
         let command: Vec<f64> = (0..12_000).map(|row| 0.5 + 0.05 * shape(f64::from(row) * ROW_S)).collect();
         let record = Record { excitation, ..record(1.0 / ROW_S, Some(stated_s), command.clone(), command) };
-        of_period(&record).map(|fault| match fault {
+        check_period(&record).map(|fault| match fault {
             RecordFault::OtherPeriod { found_s, .. } => found_s,
             other => panic!("{other}"),
         })

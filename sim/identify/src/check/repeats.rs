@@ -15,7 +15,7 @@ const REGULAR: f64 = 0.8;
 const COARSE: f64 = 0.5;
 
 /// Whether readings are repeated: the response changes at regular rows only, and by steps of any size.
-pub(super) fn of_repeats(record: &Record, response: &[f64], column: &'static str) -> Option<RecordFault> {
+pub(super) fn check_repeats(record: &Record, response: &[f64], column: &'static str) -> Option<RecordFault> {
     let changes: Vec<usize> = (1..response.len()).filter(|&row| response[row] != response[row - 1]).collect();
     let (first, last) = (*changes.first()?, *changes.last()?);
     if changes.len() < FEWEST_CHANGES {
@@ -52,7 +52,7 @@ mod tests {
     fn found(response: impl Fn(usize) -> f64) -> Option<f64> {
         let response: Vec<f64> = (0..4000).map(response).collect();
         let record = crate::testing::record(1000.0, None, vec![0.5; response.len()], response.clone());
-        match of_repeats(&record, &response, "thrust_n") {
+        match check_repeats(&record, &response, "thrust_n") {
             Some(RecordFault::Repeats { readings_hz, .. }) => Some(readings_hz),
             other => other.map(|fault| panic!("{fault}")),
         }

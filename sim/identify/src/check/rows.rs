@@ -6,14 +6,14 @@ use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Finding, Record, Severity, Topic};
 
 use super::RecordFault;
-use super::period::of_period;
-use super::repeats::of_repeats;
-use super::units::{of_command, of_response, of_time};
+use super::period::check_period;
+use super::repeats::check_repeats;
+use super::units::{check_command_unit, check_response_unit, check_time_unit};
 use crate::error::IdentifyError;
 use crate::lag::multisine::IdentifyWarning;
 use crate::lag::multisine::plausibility;
 use crate::rows::clipping;
-use crate::rows::clipping::Limit;
+use crate::rows::clipping::ClippingLimit;
 use crate::rows::even;
 use crate::rows::gaps::{rows_after_gaps, usual_interval_s};
 
@@ -34,7 +34,7 @@ const USUAL_LAG_S: f64 = 0.1;
 
 /// What speaks against a record, as a warning each; `is_force` where its command is a force.
 #[must_use]
-pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Vec<Finding> {
+pub fn check_record(experiment: &Experiment, record: &Record, is_force: bool) -> Vec<Finding> {
     let file = || record.file.clone();
     let mut found = Vec::new();
     let mut add = |topic, row, fault: &dyn Diagnostic| {
@@ -42,7 +42,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     };
     // Steady points are as far apart as it took to reach them.
     let is_steady = record.excitation == Excitation::Steady;
-    let wrong_time = of_time(record, experiment.sample_rate_hz).filter(|_| !is_steady);
+    let wrong_time = check_time_unit(record, experiment.sample_rate_hz).filter(|_| !is_steady);
     if let Some(fault) = &wrong_time {
         add(Topic::TimeUnit, None, fault);
     }
@@ -52,7 +52,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     if record.is_constant() {
         add(Topic::Command, None, &IdentifyError::ConstantCommand { file: file() });
     }
-    let wrong_command = of_command(record, experiment.output).filter(|_| !is_force);
+    let wrong_command = check_command_unit(record, experiment.output).filter(|_| !is_force);
     if !is_force {
         if let Some(fault) = &wrong_command {
             add(Topic::CommandUnit, fault.row(), fault);
@@ -72,13 +72,13 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
         add(Topic::Response, None, &IdentifyError::ConstantResponse { file: file() });
         return found;
     }
-    if let Some(fault) = of_repeats(record, response, column) {
+    if let Some(fault) = check_repeats(record, response, column) {
         add(Topic::Response, None, &fault);
     }
     // Neither a gain nor a lag is known from numbers in other units.
     let is_known = !is_force && wrong_time.is_none() && wrong_command.is_none();
-    if is_known && let Some(follows) = Follows::of(record, response) {
-        if let Some(fault) = of_response(record, experiment.output, response, follows.gain()) {
+    if is_known && let Some(follows) = Follows::from_record(record, response) {
+        if let Some(fault) = check_response_unit(record, experiment.output, response, follows.gain()) {
             add(Topic::ResponseUnit, None, &fault);
         }
         let correlation = follows.correlation;
@@ -94,7 +94,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
 
 /// Whether rows are too few for the lags that were found.
 #[must_use]
-pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
+pub fn check_rate(record: &Record, points: &[Point]) -> Option<Finding> {
     let rate_hz = 1.0 / usual_interval_s(&record.time_s)?;
     let near = |point: &&Point| (point.nominal - record.nominal).abs();
     let point = points.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
@@ -140,12 +140,12 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
     let file = || record.file.clone();
     let command = &record.command;
     if matches!(record.excitation, Excitation::Multisine | Excitation::Triangle | Excitation::Chirp) {
-        for Limit { at, rows } in clipping::limits(command) {
+        for ClippingLimit { at, rows } in clipping::limits(command) {
             add(Topic::Saturation, None, &RecordFault::CommandCutOff { file: file(), rows, at });
         }
     }
     // A multisine's mean is judged where it is identified.
-    if let Some(fault) = of_period(record) {
+    if let Some(fault) = check_period(record) {
         add(Topic::Periods, None, &fault);
     } else if matches!(record.excitation, Excitation::Square | Excitation::Triangle)
         && let Ok(periods) = record.periods()
@@ -168,7 +168,8 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
 
 /// What the rows of the response say where no fit looks at them.
 fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<IdentifyWarning> {
-    let saturated = |Limit { at, rows }| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
+    let saturated =
+        |ClippingLimit { at, rows }| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
     match record.excitation {
         Excitation::Square | Excitation::Triangle => {
             // A sensor of few steps without noise stands still on the plateau at either end; one that is cut off, at one.
@@ -176,7 +177,7 @@ fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<Iden
                 [one] => vec![*one],
                 _ => Vec::new(),
             };
-            let mut found = plausibility::of_rows(record, response, &limits);
+            let mut found = plausibility::check_rows(record, response, &limits);
             found.extend(limits.into_iter().map(saturated));
             found
         }
@@ -198,7 +199,7 @@ struct Follows {
 
 impl Follows {
     /// `None` where either is constant.
-    fn of(record: &Record, response: &[f64]) -> Option<Self> {
+    fn from_record(record: &Record, response: &[f64]) -> Option<Self> {
         let mut level = *record.command.first()?;
         let mut lagged = vec![level];
         for (times, command) in record.time_s.windows(2).zip(&record.command) {

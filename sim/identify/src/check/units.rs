@@ -79,7 +79,7 @@ impl CommandUnit {
     ];
 
     /// The unit in which a command that runs from `low` to `high` is nearest to its nominal duty; `None` where it fits in none.
-    fn of(low: f64, high: f64, nominal: f64) -> Option<Self> {
+    fn nearest(low: f64, high: f64, nominal: f64) -> Option<Self> {
         let fits = Self::READINGS.into_iter().filter(|(_, [least, most], _)| low >= *least && high <= *most);
         let off = |[zero, one]: [f64; 2]| ((low + high) / 2.0 - zero) / (one - zero) - nominal;
         fits.min_by(|a, b| off(a.2).abs().total_cmp(&off(b.2).abs())).map(|(unit, ..)| unit)
@@ -130,14 +130,14 @@ impl ResponseUnit {
 }
 
 /// Whether `command` is in a unit other than a duty, or is the response.
-pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordFault> {
+pub(super) fn check_command_unit(record: &Record, output: Output) -> Option<RecordFault> {
     let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
     if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
         let (column, nominal) = (output.column(), record.nominal);
         return Some(RecordFault::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
     }
-    let unit = CommandUnit::of(low, high, record.nominal)?;
+    let unit = CommandUnit::nearest(low, high, record.nominal)?;
     Some(RecordFault::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
 }
 
@@ -150,7 +150,7 @@ fn is_command(response: &[f64], nominal: f64) -> bool {
 
 /// Whether `time_s` is in a unit other than seconds: by the rate that `experiment.toml` states, by the period after which the
 /// command repeats, or by rows that no motor could be seen in.
-pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordFault> {
+pub(super) fn check_time_unit(record: &Record, stated_hz: Option<f64>) -> Option<RecordFault> {
     let interval = usual_interval_s(&record.time_s)?;
     let fault = |(unit, factor): (&'static str, f64), reason: String| {
         let interval = (interval * 1e9).round() / 1e9;
@@ -199,7 +199,12 @@ fn change_after(command: &[f64], rows: f64) -> Option<f64> {
 }
 
 /// Whether the response is in a unit other than its column's; `gain` is its rough static gain, where it is known.
-pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gain: Option<f64>) -> Option<RecordFault> {
+pub(super) fn check_response_unit(
+    record: &Record,
+    output: Output,
+    response: &[f64],
+    gain: Option<f64>,
+) -> Option<RecordFault> {
     let fault = |unit, evidence| Some(RecordFault::ResponseUnit { file: record.file.clone(), evidence, unit });
     if output == Output::ThrustN
         && let Some(n_per_w) = thrust_per_power(record, response)
@@ -251,7 +256,7 @@ mod tests {
             (0.0, 65535.0, 0.5, None),
             (-0.5, 1.5, 0.5, None),
         ] {
-            assert_eq!(CommandUnit::of(low, high, nominal), unit, "{low}..{high}");
+            assert_eq!(CommandUnit::nearest(low, high, nominal), unit, "{low}..{high}");
         }
     }
 
@@ -264,7 +269,7 @@ mod tests {
         // 160 W lift about 10 N, which is 1020 gf or 1.02 kgf.
         for (thrust, unit) in [(10.0, None), (1020.0, Some(ResponseUnit::Grams)), (1.02, Some(ResponseUnit::Kilograms))]
         {
-            let found = of_response(&record, Output::ThrustN, &vec![thrust; rows], None);
+            let found = check_response_unit(&record, Output::ThrustN, &vec![thrust; rows], None);
             let found = found.map(|fault| match fault {
                 RecordFault::ResponseUnit { unit, .. } => unit,
                 other => panic!("{other}"),

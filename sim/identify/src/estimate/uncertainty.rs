@@ -44,7 +44,7 @@ impl NoiseKnowledge {
     }
 
     /// Variance inflation and degrees of freedom of a quantity that draws on `lines` lines.
-    fn of_quantity(&self, lines: f64) -> (f64, f64) {
+    fn inflation_and_dof(&self, lines: f64) -> (f64, f64) {
         if self.dof.is_infinite() {
             return (1.0, f64::INFINITY);
         }
@@ -78,7 +78,7 @@ impl Uncertainty {
     }
 
     /// The parameter at this place.
-    pub(crate) fn of_parameter(&self, value: f64, place: usize) -> Estimate {
+    pub(crate) fn parameter(&self, value: f64, place: usize) -> Estimate {
         let mut gradient = DVector::zeros(self.unit.nrows());
         gradient[place] = 1.0;
         self.estimate(value, &gradient)
@@ -100,12 +100,12 @@ impl Uncertainty {
             squares += share * share;
         }
         let lines = if squares > 0.0 { sum * sum / squares } else { 1.0 };
-        self.noise.of_quantity(lines)
+        self.noise.inflation_and_dof(lines)
     }
 
     /// Covariance of the parameters, with the inflation of quantities that draw on all lines.
     pub(crate) fn covariance(&self) -> DMatrix<f64> {
-        let (inflation, _) = self.noise.of_quantity(0.5 * self.jacobian.nrows() as f64);
+        let (inflation, _) = self.noise.inflation_and_dof(0.5 * self.jacobian.nrows() as f64);
         &self.unit * inflation
     }
 }

@@ -20,7 +20,7 @@ use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::error::IdentifyError;
-use crate::spectra::Line;
+use crate::spectra::SpectralLine;
 
 /// The frequency response at one line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +60,7 @@ impl Etfe {
     /// # Errors
     /// [`IdentifyError::Setting`] when `reference` has another length than `lines`, or is zero or
     /// not finite somewhere.
-    pub fn new(lines: &[Line], reference: &[Complex64], half_width: usize) -> Result<Self, IdentifyError> {
+    pub fn new(lines: &[SpectralLine], reference: &[Complex64], half_width: usize) -> Result<Self, IdentifyError> {
         let raw = lines
             .iter()
             .map(|line| ResponsePoint {

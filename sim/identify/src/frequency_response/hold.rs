@@ -74,7 +74,7 @@ struct Shift {
 
 /// One frequency that appears on a line of the rows, and how strongly the holds excite it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Image {
+pub struct HoldImage {
     /// Frequency at the actuator in rad/s; negative below zero.
     pub omega_rad_s: f64,
     /// Complex amplitude at the actuator's input for a command `e^(j w t)`.
@@ -125,8 +125,8 @@ impl HoldChain {
     ///
     /// The response of a plant `G` at the rows is the sum of `weight * G(omega)`.
     #[must_use]
-    pub fn images(&self, omega_rad_s: f64) -> Vec<Image> {
-        let mut images = vec![Image { omega_rad_s, weight: self.response(omega_rad_s) }];
+    pub fn images(&self, omega_rad_s: f64) -> Vec<HoldImage> {
+        let mut images = vec![HoldImage { omega_rad_s, weight: self.response(omega_rad_s) }];
         let Some((p, q)) = self.ratio else {
             return images;
         };
@@ -142,7 +142,7 @@ impl HoldChain {
             let hold = delay * (-delay.im * 2.0 * self.takeover_rate_hz / omega);
             let weight = modulation * hold;
             if weight.norm() > 1e-9 {
-                images.push(Image { omega_rad_s: omega, weight });
+                images.push(HoldImage { omega_rad_s: omega, weight });
             }
         }
         images

@@ -77,7 +77,7 @@ impl LocalPolynomial {
     /// [`IdentifyError::Setting`] for a window or band that is none, [`IdentifyError::ConstantCommand`], and what is
     /// wrong with the record's rows: [`IdentifyError::NoResponse`], [`IdentifyError::UnevenRows`],
     /// [`IdentifyError::TooShort`]; also when no line of the band is left.
-    pub fn of(
+    pub fn from_record(
         experiment: &Experiment,
         record: &Record,
         options: &LocalPolynomialOptions,

@@ -1,7 +1,7 @@
 //! Frequency responses without a model, and what is known of their noise.
 //!
 //! From a periodic record: the ratio of mean response to mean command at each excited line
-//! ([`FrequencyResponse::of`]). From any other record: the local polynomial method
+//! ([`FrequencyResponse::from_spectrum`]). From any other record: the local polynomial method
 //! ([`LocalPolynomial`]). Either is what the rows show of the recorded command's samples: the holds of
 //! loop and ESC are in it ([`hold::HoldChain`]).
 
@@ -18,8 +18,8 @@ use num_complex::Complex64;
 
 use crate::error::IdentifyError;
 use crate::estimate::uncertainty::NoiseKnowledge;
-use crate::spectra::period_statistics::{mean, of_mean, sample_variance};
-use crate::spectra::{Line, Spectrum, noise};
+use crate::spectra::period_statistics::{mean, sample_variance, variance_of_mean};
+use crate::spectra::{SpectralLine, Spectrum, noise};
 pub use local_polynomial::{LocalPolynomial, LocalPolynomialOptions};
 
 /// One line of a frequency response.
@@ -48,12 +48,12 @@ pub struct FrequencyResponse {
 impl FrequencyResponse {
     /// Response over command at the lines of a periodic record.
     #[must_use]
-    pub fn of(spectrum: &Spectrum) -> Self {
+    pub fn from_spectrum(spectrum: &Spectrum) -> Self {
         Self::from_lines(&spectrum.lines, spectrum.periods_used)
     }
 
-    fn from_lines(lines: &[Line], periods: usize) -> Self {
-        let of_line = |line: &Line| ResponseLine {
+    fn from_lines(lines: &[SpectralLine], periods: usize) -> Self {
+        let of_line = |line: &SpectralLine| ResponseLine {
             omega_rad_s: line.omega_rad_s,
             response: line.ratio(),
             variance: line.ratio_variance(),
@@ -74,7 +74,7 @@ impl FrequencyResponse {
     /// # Errors
     /// [`IdentifyError::Periods`] when there are fewer than two periods, or one has not as many numbers as there are harmonics,
     /// or the harmonics do not increase.
-    pub fn of_periods(
+    pub fn from_periods(
         bin_rad_s: f64,
         harmonics: &[u32],
         periods: &[Vec<Complex64>],
@@ -90,7 +90,7 @@ impl FrequencyResponse {
         let sample = sample_variance(count, lines, |p, k| periods[p][k] - response[k]);
         let bins: Vec<usize> = harmonics.iter().map(|&harmonic| harmonic as usize).collect();
         let pooled = noise::pool(&sample, &bins, (count - 1) as f64, pool_half_width, 0.0);
-        let variance = of_mean(&pooled.variance, count);
+        let variance = variance_of_mean(&pooled.variance, count);
         let line = |k: usize| ResponseLine {
             omega_rad_s: bin_rad_s * f64::from(harmonics[k]),
             response: response[k],

@@ -93,7 +93,7 @@ struct Coverage {
 }
 
 impl Coverage {
-    fn of(kind: Noise, periods: usize, repeats: u64) -> Self {
+    fn count(kind: Noise, periods: usize, repeats: u64) -> Self {
         let mut found = Self::default();
         for repeat in 0..repeats {
             let mut rng = ChaCha8Rng::seed_from_u64(repeat);
@@ -138,7 +138,7 @@ impl Coverage {
 fn bands_cover(repeats: u64) {
     for kind in [Noise::White, Noise::Colored, Noise::Hum] {
         for periods in [2, 4, 14] {
-            let found = Coverage::of(kind, periods, repeats);
+            let found = Coverage::count(kind, periods, repeats);
             let (disc, magnitude) = (found.disc_share(), found.magnitude_share());
             let (worst, harmonic) = found.worst_line();
             let left_out = f64::from(found.left_out) / repeats as f64;
@@ -202,7 +202,7 @@ impl Run {
     fn local_polynomial(&self, band_hz: (f64, f64)) -> LocalPolynomial {
         let record = record(self.row_rate_hz, None, self.command.clone(), self.thrust_n.clone());
         let options = LocalPolynomialOptions { band_hz, ..LocalPolynomialOptions::default() };
-        LocalPolynomial::of(&experiment(self.row_rate_hz, vec![]), &record, &options).unwrap()
+        LocalPolynomial::from_record(&experiment(self.row_rate_hz, vec![]), &record, &options).unwrap()
     }
 
     /// The paper's estimate on the same bins: the ratio of the coefficients, smoothed by a Hann window with the command's
@@ -299,7 +299,7 @@ fn a_command_of_few_lines_is_left_out_and_nonsense_is_refused() {
     let thrust_n: Vec<f64> = (0..rows).map(wave).collect();
     let of = |command: Vec<f64>, options: LocalPolynomialOptions| {
         let record = record(100.0, None, command, thrust_n.clone());
-        LocalPolynomial::of(&experiment(100.0, vec![]), &record, &options)
+        LocalPolynomial::from_record(&experiment(100.0, vec![]), &record, &options)
     };
     let options = LocalPolynomialOptions::default();
     // One line cannot tell a response from a transient anywhere.

@@ -21,7 +21,7 @@ use crate::lag::first_order::{FirstOrderOptions, FitLine, fit_first_order};
 use crate::lag::multisine::IdentifyWarning;
 use crate::lag::multisine::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, plausibility};
 use crate::rows::clipping;
-use crate::rows::clipping::Limit;
+use crate::rows::clipping::ClippingLimit;
 use crate::rows::columns;
 use crate::rows::even::{EvenRows, HIGHEST_OF_UNEVEN_RATE};
 use crate::stand::StandModel;
@@ -70,7 +70,7 @@ pub fn is_chirp_to_fit(record: &Record) -> bool {
 ///
 /// # Errors
 /// [`IdentifyError::NoFitRecord`] without a chirp to fit, [`IdentifyError::GainMayBeZero`] when no response follows its
-/// command; whatever [`LocalPolynomial::of`] and [`fit_first_order`] find wrong.
+/// command; whatever [`LocalPolynomial::from_record`] and [`fit_first_order`] find wrong.
 pub fn identify_chirps(
     experiment: &Experiment,
     options: &FirstOrderOptions,
@@ -100,9 +100,9 @@ fn identify_nominal(
     let nominal = group[0].nominal;
     let (mut lines, mut responses, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for record in group {
-        let even = EvenRows::of(record, experiment.output, experiment.sample_rate_hz)?;
-        let (response, row_rate_hz) = response_of(experiment, record, even.as_ref())?;
-        lines.extend(lines_of(experiment, &response.response, row_rate_hz, stand)?);
+        let even = EvenRows::resample(record, experiment.output, experiment.sample_rate_hz)?;
+        let (response, row_rate_hz) = chirp_response(experiment, record, even.as_ref())?;
+        lines.extend(fit_lines(experiment, &response.response, row_rate_hz, stand)?);
         responses.push(response);
         warnings.extend(suspicions(experiment, record)?);
     }
@@ -111,7 +111,7 @@ fn identify_nominal(
     if plausibility::may_be_zero(fit.gain) {
         return Err(plausibility::refusal(nominal, fit.gain, &warnings));
     }
-    warnings.extend(plausibility::of_fit(nominal, &fit, options.max_delay_s));
+    warnings.extend(plausibility::check_fit(nominal, &fit, options.max_delay_s));
     let measured: Vec<_> = lines.iter().map(|line| line.response).collect();
     let model: Vec<_> = lines.iter().map(|line| fit.response_at(line)).collect();
     let found = NominalIdentification {
@@ -129,7 +129,7 @@ fn identify_nominal(
 
 /// One line per window of the local polynomial method, where the chirp was, and the rows per second of the command that they are
 /// of: those of the even rows where the record's own are not.
-fn response_of(
+fn chirp_response(
     experiment: &Experiment,
     record: &Record,
     even: Option<&EvenRows>,
@@ -141,7 +141,7 @@ fn response_of(
     };
     let row_rate_hz = columns::row_rate_hz(rows, experiment.sample_rate_hz)?;
     options.band_hz.1 = options.band_hz.1.min(highest_hz);
-    let found = LocalPolynomial::of(experiment, rows, &options)?;
+    let found = LocalPolynomial::from_record(experiment, rows, &options)?;
     let width = 2 * options.half_width + 1;
     let least = LEAST_EXCITED * found.command_power.iter().copied().fold(0.0, f64::max);
     let of_windows = (options.half_width..found.response.lines.len()).step_by(width);
@@ -156,7 +156,7 @@ fn response_of(
 }
 
 /// The lines behind the holds and the stand, for a fit.
-fn lines_of(
+fn fit_lines(
     experiment: &Experiment,
     response: &FrequencyResponse,
     row_rate_hz: f64,
@@ -186,9 +186,13 @@ fn suspicions(experiment: &Experiment, record: &Record) -> Result<Vec<IdentifyWa
     let response = columns::response_column(record, experiment.output)?;
     let limits = clipping::limits(response);
     let column = experiment.output.column();
-    let saturated =
-        |&Limit { at, rows }: &Limit| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
+    let saturated = |&ClippingLimit { at, rows }: &ClippingLimit| IdentifyWarning::Saturated {
+        file: record.file.clone(),
+        column,
+        rows,
+        at,
+    };
     let mut found: Vec<IdentifyWarning> = limits.iter().map(saturated).collect();
-    found.extend(plausibility::of_rows(record, response, &limits));
+    found.extend(plausibility::check_rows(record, response, &limits));
     Ok(found)
 }

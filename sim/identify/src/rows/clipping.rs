@@ -21,7 +21,7 @@ const STEEP: f64 = 0.02;
 
 /// A limit that a column stands on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Limit {
+pub(crate) struct ClippingLimit {
     /// The value.
     pub at: f64,
     /// Rows on it.
@@ -29,12 +29,12 @@ pub(crate) struct Limit {
 }
 
 /// The limits of `column`, the upper one first.
-pub(crate) fn limits(column: &[f64]) -> Vec<Limit> {
+pub(crate) fn limits(column: &[f64]) -> Vec<ClippingLimit> {
     [1.0, -1.0].into_iter().filter_map(|sign| upper_limit(column, sign)).collect()
 }
 
 /// The upper limit of `sign * column`.
-fn upper_limit(column: &[f64], sign: f64) -> Option<Limit> {
+fn upper_limit(column: &[f64], sign: f64) -> Option<ClippingLimit> {
     let highest = |below: f64| {
         let values = column.iter().map(|value| sign * value);
         values.filter(|&value| value < below).fold(f64::NEG_INFINITY, f64::max)
@@ -44,7 +44,7 @@ fn upper_limit(column: &[f64], sign: f64) -> Option<Limit> {
     let rows = |at: f64| column.iter().filter(|&&value| sign * value == at).count();
     let on_top = rows(top);
     (on_top >= FEWEST_ROWS && next.is_finite() && on_top >= TIMES_THE_NEXT * rows(next))
-        .then_some(Limit { at: sign * top, rows: on_top })
+        .then_some(ClippingLimit { at: sign * top, rows: on_top })
 }
 
 /// The value at which `column` was cut off, and for how many rows in a row.
@@ -90,7 +90,7 @@ mod tests {
             assert!(limits(&wave(noise)).is_empty());
             let cut: Vec<f64> = wave(noise).into_iter().map(|y| y.min(6.0)).collect();
             let rows = wave(noise).iter().filter(|&&y| y >= 6.0).count();
-            assert_eq!(limits(&cut), [Limit { at: 6.0, rows }]);
+            assert_eq!(limits(&cut), [ClippingLimit { at: 6.0, rows }]);
             let cut: Vec<f64> = wave(noise).into_iter().map(|y| y.clamp(4.0, 6.0)).collect();
             assert_eq!(limits(&cut).iter().map(|limit| limit.at).collect::<Vec<_>>(), [6.0, 4.0]);
         }

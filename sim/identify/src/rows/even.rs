@@ -43,7 +43,11 @@ impl EvenRows {
     ///
     /// # Errors
     /// [`IdentifyError::Gap`], and what is wrong with the columns.
-    pub(crate) fn of(record: &Record, output: Output, stated_hz: Option<f64>) -> Result<Option<Self>, IdentifyError> {
+    pub(crate) fn resample(
+        record: &Record,
+        output: Output,
+        stated_hz: Option<f64>,
+    ) -> Result<Option<Self>, IdentifyError> {
         let response = columns::response_column(record, output)?;
         if stated_hz.is_some() || columns::row_rate_hz(record, None).is_ok() || record.time_s.len() < DENSER {
             return Ok(None);

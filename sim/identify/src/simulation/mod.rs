@@ -48,12 +48,17 @@ fn run_on_own_clock(
 pub fn align(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> Vec<f64> {
     let n = measured.len().min(model.len()).min(time_s.len());
     let decay = |row: usize| (-(time_s[row] - time_s[0]) / time_constant_s).exp();
-    let (offset, start) = offset_and_start(time_s, measured, model, time_constant_s);
+    let (offset, start) = fit_offset_and_initial_state(time_s, measured, model, time_constant_s);
     (0..n).map(|row| model[row] + offset + start * decay(row)).collect()
 }
 
 /// The `a` and `b` of [`align`].
-pub fn offset_and_start(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> (f64, f64) {
+pub fn fit_offset_and_initial_state(
+    time_s: &[f64],
+    measured: &[f64],
+    model: &[f64],
+    time_constant_s: f64,
+) -> (f64, f64) {
     let n = measured.len().min(model.len()).min(time_s.len());
     let decay = |row: usize| (-(time_s[row] - time_s[0]) / time_constant_s).exp();
     let (mut s1, mut s2, mut r0, mut r1) = (0.0, 0.0, 0.0, 0.0);
@@ -74,7 +79,7 @@ pub fn offset_and_start(time_s: &[f64], measured: &[f64], model: &[f64], time_co
 }
 
 /// The `b` of [`align`] when there is no offset.
-pub fn start_of(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> f64 {
+pub fn fit_initial_state(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> f64 {
     let (mut power, mut product) = (0.0, 0.0);
     for ((t_s, y), m) in time_s.iter().zip(measured).zip(model) {
         let decay = (-(t_s - time_s[0]) / time_constant_s).exp();

@@ -5,10 +5,12 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::off_curve::off_the_curve;
-use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
+use super::{
+    DisturbanceSign, DisturbedLine, NoiseSource, RemovedSinusoid, SpectralLine, SpectrumOptions, UnexcitedLine,
+};
 use crate::error::IdentifyError;
 use crate::spectra::noise::sinusoid::Sinusoid;
-use crate::spectra::period_statistics::{mean, of_mean, sample_variance};
+use crate::spectra::period_statistics::{mean, sample_variance, variance_of_mean};
 use crate::spectra::transient::TransientTest;
 use crate::spectra::{noise, transient};
 
@@ -34,7 +36,7 @@ pub(crate) struct Periods {
 
 /// What [`estimate`] finds.
 pub(crate) struct Estimated {
-    pub lines: Vec<Line>,
+    pub lines: Vec<SpectralLine>,
     pub unexcited: Vec<UnexcitedLine>,
     pub disturbed: Vec<DisturbedLine>,
     pub removed: Vec<RemovedSinusoid>,
@@ -106,7 +108,7 @@ pub(crate) fn estimate(periods: &Periods, options: &SpectrumOptions, file: &str)
         }
         let pooled = pool(&sample, &excited);
         LineNoise {
-            variance: of_mean(&pooled.variance, periods_used),
+            variance: variance_of_mean(&pooled.variance, periods_used),
             dof: 2.0 * (pooled.neighbors * (periods_used - 1)) as f64,
             pooled: pooled.neighbors,
             stands_out: pooled.stands_out,
@@ -141,7 +143,7 @@ pub(crate) fn estimate(periods: &Periods, options: &SpectrumOptions, file: &str)
         let (harmonic, omega_rad_s) = (bin as u32, omega_rad_s(bin));
         match sign_of(k) {
             Some(sign) => disturbed.push(DisturbedLine { harmonic, omega_rad_s, sign }),
-            None => lines.push(Line {
+            None => lines.push(SpectralLine {
                 harmonic,
                 omega_rad_s,
                 command: mean_command[k],
@@ -182,7 +184,7 @@ fn unexcited_lines(
     let count = periods.len();
     let response = mean(periods);
     let pooled = pool(&sample_variance(count, bins.len(), |p, k| periods[p][k] - response[k]), bins);
-    let variance = of_mean(&pooled.variance, count);
+    let variance = variance_of_mean(&pooled.variance, count);
     (0..bins.len())
         .filter(|&k| !pooled.stands_out[k])
         .map(|k| UnexcitedLine {

@@ -25,15 +25,15 @@ pub enum LongRecordError {
 }
 
 impl Spectrum {
-    /// Transforms a periodic record whose rows stay on disk: the same numbers as [`Self::of`], bit for bit.
+    /// Transforms a periodic record whose rows stay on disk: the same numbers as [`Self::from_record`], bit for bit.
     ///
     /// The file is read once; memory holds one period of each column and, of each period's spectrum, the bins up to the
     /// highest excited line. Where the first period's command does not go up as far as the others' do, or the file has rows
     /// that are not lines, it is read a second time.
     ///
     /// # Errors
-    /// Those of [`Experiment::read`] and of [`Self::of`].
-    pub fn of_long(
+    /// Those of [`Experiment::read`] and of [`Self::from_record`].
+    pub fn from_long_record(
         experiment: &Experiment,
         record: &LongRecord,
         options: &SpectrumOptions,
@@ -108,11 +108,11 @@ mod tests {
 
     /// A lag of 0.1 s that starts from rest behind a multisine, for so many rows.
     fn multisine(rows: usize) -> Record {
-        multisine_of(rows, |_, _| 1.0)
+        multisine_with(rows, |_, _| 1.0)
     }
 
     /// The same with lines of another amplitude, by row and number of the harmonic.
-    fn multisine_of(rows: usize, amplitude: impl Fn(usize, u8) -> f64) -> Record {
+    fn multisine_with(rows: usize, amplitude: impl Fn(usize, u8) -> f64) -> Record {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut state = 0.0;
         let (mut command, mut thrust_n) = (Vec::new(), Vec::new());
@@ -155,8 +155,8 @@ mod tests {
         let scratch = Scratch::new();
         let (short, rest, long) = both(&scratch, record, state_rate, edit);
         let options = SpectrumOptions::default();
-        let expected = Spectrum::of(&short, &short.records[0], &options);
-        let found = Spectrum::of_long(&rest, &long, &options);
+        let expected = Spectrum::from_record(&short, &short.records[0], &options);
+        let found = Spectrum::from_long_record(&rest, &long, &options);
         match (expected, found) {
             (Ok(expected), Ok(found)) => {
                 assert!(found == expected);
@@ -198,7 +198,7 @@ mod tests {
     fn a_first_period_that_goes_less_far_up_than_the_others_hides_nothing() {
         // Of so many periods it is so small a part that they still count as periodic.
         let top = |row, n| if n < 39 { 1.0 } else { 0.3 * f64::from(u8::from(row >= PERIOD)) };
-        let record = multisine_of(60 * PERIOD, top);
+        let record = multisine_with(60 * PERIOD, top);
         let found = agree(record, true, |csv| csv);
         assert!(found.as_ref().is_ok_and(|s| s.lines.iter().any(|l| l.harmonic == 39)), "{found:?}");
     }
@@ -240,7 +240,7 @@ mod tests {
     fn the_model_is_that_of_the_records_in_memory() {
         let scratch = Scratch::new();
         let (short, rest, long) = both(&scratch, multisine(30 * PERIOD + 5), true, |csv| csv);
-        let spectrum = Spectrum::of_long(&rest, &long, &SpectrumOptions::default()).unwrap();
+        let spectrum = Spectrum::from_long_record(&rest, &long, &SpectrumOptions::default()).unwrap();
         let transformed = [(long.header.clone(), spectrum)];
         let options = PeriodicOptions { long: &transformed, ..PeriodicOptions::default() };
         let expected = identify_periodic(&short, &PeriodicOptions::default()).unwrap();

@@ -50,7 +50,7 @@ impl Default for SpectrumOptions {
 
 /// One excited line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct SpectralLine {
     /// Number of the harmonic of one over the period.
     pub harmonic: u32,
     /// Frequency in rad/s.
@@ -72,7 +72,7 @@ pub struct Line {
     pub pooled: usize,
 }
 
-impl Line {
+impl SpectralLine {
     /// Response over command.
     #[must_use]
     pub fn ratio(&self) -> Complex64 {
@@ -160,7 +160,7 @@ pub struct Spectrum {
     /// Where the noise variances come from.
     pub noise: NoiseSource,
     /// The excited lines, by frequency, without disturbed ones.
-    pub lines: Vec<Line>,
+    pub lines: Vec<SpectralLine>,
     /// The lines between them, by frequency, without disturbed ones; none where the noise is taken from them.
     pub unexcited: Vec<UnexcitedLine>,
     /// Excited lines that were left out.
@@ -177,7 +177,11 @@ impl Spectrum {
     /// # Errors
     /// [`IdentifyError`] when the record has no period, no response or a constant one, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
-    pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
+    pub fn from_record(
+        experiment: &Experiment,
+        record: &Record,
+        options: &SpectrumOptions,
+    ) -> Result<Self, IdentifyError> {
         let response = response_column(record, experiment.output)?;
         if response.windows(2).all(|pair| pair[0] == pair[1]) {
             return Err(IdentifyError::ConstantResponse { file: record.file.clone() });

@@ -15,6 +15,6 @@ pub(crate) fn sample_variance(periods: usize, lines: usize, residual: impl Fn(us
 }
 
 /// Variance of the mean over `periods` from that of one.
-pub(crate) fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {
+pub(crate) fn variance_of_mean(variance: &[f64], periods: usize) -> Vec<f64> {
     variance.iter().map(|v| v / periods as f64).collect()
 }

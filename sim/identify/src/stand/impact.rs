@@ -124,7 +124,7 @@ pub(super) fn response(
         let noise = (0..count).map(|k| {
             let start = window_start(k, count);
             let from = first + start;
-            left_over(&u[from..from + window], &y[from..from + window], k - start)
+            residual_power(&u[from..from + window], &y[from..from + window], k - start)
         });
         (noise.collect(), (window - 1 - LOCAL_PARAMETERS) as f64)
     };
@@ -146,7 +146,7 @@ fn window_start(k: usize, count: usize) -> usize {
 ///
 /// The linear problem `y (1 + a x) = (b_0 + b_1 x + b_2 x^2) u` has the errors `(1 + a x) v` where `v` is the noise. They are
 /// divided by the `1 + a x` of a first solution (Sanathanan & Koerner), so that all lines count alike.
-fn left_over(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
+fn residual_power(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
     let half = 0.5 * u.len() as f64;
     let others: Vec<usize> = (0..u.len()).filter(|&k| k != own).collect();
     let x = |row: usize| (others[row] as f64 - half) / half;
@@ -208,11 +208,11 @@ mod tests {
         // Its half width is one line and a half.
         let resonance = seen(&|k| (2.0 + 0.3 * k) / Complex64::new(1.5, k - 4.2));
         for y in [parabola, resonance] {
-            assert!(left_over(&u, &y, 3) < 1e-20);
+            assert!(residual_power(&u, &y, 3) < 1e-20);
             let mut off = y.clone();
             off[3] += 1.0;
             // The line itself does not count, its neighbors do.
-            assert!(left_over(&u, &off, 3) < 1e-20 && left_over(&u, &off, 4) > 1e-3);
+            assert!(residual_power(&u, &off, 3) < 1e-20 && residual_power(&u, &off, 4) > 1e-3);
         }
     }
 
@@ -225,7 +225,7 @@ mod tests {
             let y: Vec<Complex64> = (0..13)
                 .map(|k| 200.0 / Complex64::new(1.5, f64::from(k) - 4.2) + crate::testing::noise(&mut rng))
                 .collect();
-            mean += left_over(&[Complex64::ONE; 13], &y, 6) / f64::from(runs);
+            mean += residual_power(&[Complex64::ONE; 13], &y, 6) / f64::from(runs);
         }
         // `noise` has a power of one; eight degrees of freedom scatter by 0.35, so the mean by 0.0056 of it.
         assert!((mean - 1.0).abs() < 0.03, "{mean}");

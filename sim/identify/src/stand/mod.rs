@@ -159,8 +159,8 @@ impl StandIdentification {
             usable_hz: self.usable_hz.map(|usable| usable.value),
             usable_hz_std: self.usable_hz.and_then(|usable| known(usable.std)),
             top_hz: self.top_hz,
-            poles: self.poles().map(StandRoot::of).collect(),
-            zeros: self.zeros().map(StandRoot::of).collect(),
+            poles: self.poles().map(StandRoot::from_root).collect(),
+            zeros: self.zeros().map(StandRoot::from_root).collect(),
             records: self.records.clone(),
         }
     }
@@ -184,7 +184,7 @@ fn known(std: f64) -> Option<f64> {
 /// # Errors
 /// [`StandError`], and what [`select_order`] and the spectra find wrong.
 pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
-    let measured = response::of(experiment, options.band_hz)?;
+    let measured = response::measure(experiment, options.band_hz)?;
     let identified = fit_stand(measured.response, options)?;
     let ringing = measured.ringing.into_iter().map(|file| StandWarning::StillRings { file });
     let clipped = measured.records.iter().flat_map(|file| {

@@ -57,7 +57,7 @@ pub struct StandRoot {
 }
 
 impl StandRoot {
-    pub(super) fn of(root: &Root) -> Self {
+    pub(super) fn from_root(root: &Root) -> Self {
         Self {
             frequency_hz: root.frequency_rad_s.value / TAU,
             frequency_hz_std: Some(root.frequency_rad_s.std / TAU),

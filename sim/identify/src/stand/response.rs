@@ -9,7 +9,7 @@ use crate::rows::columns;
 use crate::spectra::{Spectrum, SpectrumOptions};
 
 /// What was measured.
-pub(super) struct Measured {
+pub(super) struct StandResponse {
     pub(super) response: FrequencyResponse,
     pub(super) records: Vec<String>,
     /// Records whose response had not died away.
@@ -17,7 +17,7 @@ pub(super) struct Measured {
 }
 
 /// The response from the blows among the records, or from the first record of another kind where there is none.
-pub(super) fn of(experiment: &Experiment, band_hz: (f64, f64)) -> Result<Measured, IdentifyError> {
+pub(super) fn measure(experiment: &Experiment, band_hz: (f64, f64)) -> Result<StandResponse, IdentifyError> {
     let usable = |record: &&Record| {
         record.role != Some(Role::Validate)
             && matches!(record.excitation, Excitation::Free | Excitation::Chirp | Excitation::Multisine)
@@ -36,17 +36,18 @@ pub(super) fn of(experiment: &Experiment, band_hz: (f64, f64)) -> Result<Measure
         records.iter().copied().filter(|r| r.excitation == Excitation::Free && impact::is_blow(r)).collect();
     if !blows.is_empty() {
         let (response, ringing) = impact::response(experiment, &blows, band_hz)?;
-        return Ok(Measured { response, records: blows.iter().map(|r| r.file.clone()).collect(), ringing });
+        return Ok(StandResponse { response, records: blows.iter().map(|r| r.file.clone()).collect(), ringing });
     }
     let response = if first.excitation == Excitation::Multisine {
-        let mut response = FrequencyResponse::of(&Spectrum::of(experiment, first, &SpectrumOptions::default())?);
+        let mut response =
+            FrequencyResponse::from_spectrum(&Spectrum::from_record(experiment, first, &SpectrumOptions::default())?);
         let (low, high) = (std::f64::consts::TAU * band_hz.0, std::f64::consts::TAU * band_hz.1);
         response.lines.retain(|line| (low..=high).contains(&line.omega_rad_s));
         response
     } else {
         broadband(experiment, first, band_hz)?
     };
-    Ok(Measured { response, records: vec![first.file.clone()], ringing: Vec::new() })
+    Ok(StandResponse { response, records: vec![first.file.clone()], ringing: Vec::new() })
 }
 
 /// By the local polynomial method. Lines within a window share their noise, so one line per window is kept: the fit takes them
@@ -57,7 +58,7 @@ fn broadband(
     band_hz: (f64, f64),
 ) -> Result<FrequencyResponse, IdentifyError> {
     let options = LocalPolynomialOptions { band_hz, ..LocalPolynomialOptions::default() };
-    let mut response = LocalPolynomial::of(experiment, record, &options)?.response;
+    let mut response = LocalPolynomial::from_record(experiment, record, &options)?.response;
     let width = 2 * options.half_width + 1;
     response.lines = response.lines.into_iter().skip(options.half_width).step_by(width).collect();
     Ok(response)

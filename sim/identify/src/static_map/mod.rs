@@ -15,7 +15,7 @@
 //! - *Hysteresis*: the width in command between levels reached from below and from above. A motor that warms up
 //!   along the record looks alike; a second pass upwards tells the two apart. On a ramp it contains twice the lag times
 //!   the ramp's rate.
-//! - *Limit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
+//! - *MapLimit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
 
 mod points;
 mod shape;
@@ -35,7 +35,7 @@ pub use points::{SteadyPoint, SteadyPoints, SteadySource};
 
 use crate::estimate::Estimate;
 use crate::lag::steps::{Direction, SAME_LEVEL};
-use shape::Shape;
+use shape::MapTerms;
 
 /// The highest degree tried.
 const MOST_DEGREES: usize = 5;
@@ -59,7 +59,7 @@ pub struct StaticMapFit {
     /// Width between levels reached from below and from above, in command; `None` where one of the two was not seen.
     pub hysteresis: Option<Estimate>,
     /// What happens at the top; `None`: the response rises to the highest command seen.
-    pub limit: Option<Limit>,
+    pub limit: Option<MapLimit>,
     /// Standard deviation of what is left, in units of the points' own standard errors: far above one, the map is not all.
     pub excess: f64,
     /// Steady points used.
@@ -68,7 +68,7 @@ pub struct StaticMapFit {
     #[serde(skip)]
     pub warnings: Vec<StaticMapWarning>,
     #[serde(skip)]
-    shape: Shape,
+    shape: MapTerms,
     #[serde(skip)]
     parameters: Vec<f64>,
     #[serde(skip)]
@@ -91,7 +91,7 @@ pub struct DeadZone {
 /// What happens at the top.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Limit {
+pub enum MapLimit {
     /// The response rises no more beyond a command.
     Saturates {
         /// The command.
@@ -197,14 +197,15 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     let seen = |direction| points.iter().filter(|p| p.direction == direction).count();
     // The first level of all counts as reached from below, so one more is needed there.
     let hysteresis = seen(Direction::Up) >= 2 && seen(Direction::Down) >= 1;
-    let mut best: Option<(f64, Shape, Solution)> = None;
+    let mut best: Option<(f64, MapTerms, Solution)> = None;
     for limit in [false, true] {
         // A response that falls has been cut off; there is no limit below.
         if limit && falls.is_some() {
             continue;
         }
         for degree in 1..=MOST_DEGREES.min(levels.len().saturating_sub(2)) {
-            let shape = Shape { degree, hysteresis, limit, center: 0.5 * (low + high), half_range: 0.5 * (high - low) };
+            let shape =
+                MapTerms { degree, hysteresis, limit, center: 0.5 * (low + high), half_range: 0.5 * (high - low) };
             let Some(solution) = shape::fit(shape, &points, &std) else { continue };
             let n = points.len() as f64;
             let criterion =
@@ -248,7 +249,7 @@ fn penalty(n: usize, parameters: usize) -> f64 {
 }
 
 /// Takes off the levels at the top at which the response falls.
-fn cut_where_it_falls(points: &mut Vec<SteadyPoint>) -> Option<Limit> {
+fn cut_where_it_falls(points: &mut Vec<SteadyPoint>) -> Option<MapLimit> {
     let up: Vec<SteadyPoint> = points.iter().copied().filter(|p| p.direction == Direction::Up).collect();
     let highest = up.iter().max_by(|a, b| a.response.total_cmp(&b.response))?;
     let next = up.iter().find(|p| p.command > highest.command + SAME_LEVEL)?;
@@ -260,7 +261,7 @@ fn cut_where_it_falls(points: &mut Vec<SteadyPoint>) -> Option<Limit> {
     }
     let command = highest.command;
     points.retain(|p| p.command <= command + SAME_LEVEL);
-    Some(Limit::Falls { command, by: Estimate::normal(by, std) })
+    Some(MapLimit::Falls { command, by: Estimate::normal(by, std) })
 }
 
 /// Standard errors from variances that are pooled over neighbors: each has but a few degrees of freedom.
@@ -277,8 +278,8 @@ impl StaticMapFit {
     #[must_use]
     pub fn polynomial(&self) -> MapPolynomial {
         let (limit, limit_std) = match self.limit {
-            Some(Limit::Saturates { command, .. }) => (Some(command.value), Some(command.std)),
-            Some(Limit::Falls { command, .. }) => (Some(command), None),
+            Some(MapLimit::Saturates { command, .. }) => (Some(command.value), Some(command.std)),
+            Some(MapLimit::Falls { command, .. }) => (Some(command), None),
             None => (None, None),
         };
         MapPolynomial {
@@ -356,7 +357,7 @@ impl StaticMapFit {
         let end = self.dead_zone.and_then(|zone| zone.end).map(|end| end.value);
         let from = end.map_or(self.range.0, |end| end.min(self.range.0));
         let to = match self.limit {
-            Some(Limit::Saturates { command, .. }) => command.value,
+            Some(MapLimit::Saturates { command, .. }) => command.value,
             _ => self.range.1,
         };
         (from, to)
@@ -387,7 +388,7 @@ impl StaticMapFit {
         self.hysteresis = self.shape.width().map(|k| estimate(self, k));
         if let Some(k) = self.shape.limit() {
             let command = estimate(self, k);
-            self.limit = Some(Limit::Saturates { command, response: self.response(command.value) });
+            self.limit = Some(MapLimit::Saturates { command, response: self.response(command.value) });
         }
         self.dead_zone = steady.still.map(|still| {
             let runs = self.range.0;

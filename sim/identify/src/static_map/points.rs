@@ -6,7 +6,7 @@ use rotorlead_numerics::sample::{extent, mean, variance};
 use rotorlead_plant::StaticMap;
 use rotorlead_records::{Excitation, Output, Record};
 
-use crate::lag::steps::{Direction, Plateau, Run, SAME_LEVEL, State, StepsError, plateaus_of};
+use crate::lag::steps::{Direction, Plateau, PlateauState, Run, SAME_LEVEL, StepsError, find_plateaus};
 use crate::rows::spikes::without_spikes;
 
 /// A command and the response that it settles to.
@@ -93,16 +93,16 @@ impl SteadyPoints {
     ///
     /// # Errors
     /// [`StepsError`] when the record has neither two plateaus in a row on which the motor runs nor a ramp.
-    pub fn of(record: &Record, output: Output, lag_s: Option<f64>) -> Result<Self, StepsError> {
+    pub fn from_record(record: &Record, output: Output, lag_s: Option<f64>) -> Result<Self, StepsError> {
         if record.excitation == Excitation::Steady {
-            return Self::of_averages(record, output);
+            return Self::from_averages(record, output);
         }
         match Run::all(record, output) {
             Ok(runs) => {
-                let settles = |p: &&Plateau| p.state == State::Running;
+                let settles = |p: &&Plateau| p.state == PlateauState::Running;
                 let plateaus = || runs.iter().flat_map(|run| &run.plateaus).filter(settles);
                 let running = plateaus().map(point).collect();
-                let all = plateaus_of(record, output, &runs[0].clean);
+                let all = find_plateaus(record, output, &runs[0].clean);
                 let highest = plateaus().map(|p| p.mean).fold(0.0, f64::max);
                 let lowest = plateaus().map(|p| p.command).fold(1.0, f64::min);
                 let stands = |p: &&Plateau| {
@@ -120,7 +120,7 @@ impl SteadyPoints {
 
 impl SteadyPoints {
     /// The rows of a table of averages.
-    fn of_averages(record: &Record, output: Output) -> Result<Self, StepsError> {
+    fn from_averages(record: &Record, output: Output) -> Result<Self, StepsError> {
         let no_response = || StepsError::NoResponse { record: record.file.clone(), column: output.column() };
         let response = record.response(output).ok_or_else(no_response)?;
         let (_, highest) = extent(response);

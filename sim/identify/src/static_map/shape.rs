@@ -12,7 +12,7 @@ use crate::lag::steps::Direction;
 
 /// Which terms a candidate has.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct MapTerms {
     pub(super) degree: usize,
     pub(super) hysteresis: bool,
     pub(super) limit: bool,
@@ -20,7 +20,7 @@ pub(super) struct Shape {
     pub(super) half_range: f64,
 }
 
-impl Shape {
+impl MapTerms {
     pub(super) fn parameters(&self) -> usize {
         self.degree + 1 + usize::from(self.hysteresis) + usize::from(self.limit)
     }
@@ -78,8 +78,8 @@ impl Shape {
 }
 
 /// The residuals of a shape.
-struct Problem<'a> {
-    shape: Shape,
+struct MapProblem<'a> {
+    shape: MapTerms,
     points: &'a [SteadyPoint],
     /// Standard error of each point.
     std: &'a [f64],
@@ -87,7 +87,7 @@ struct Problem<'a> {
     scale: f64,
 }
 
-impl Residuals for Problem<'_> {
+impl Residuals for MapProblem<'_> {
     fn count(&self) -> usize {
         self.points.len()
     }
@@ -109,12 +109,12 @@ impl Residuals for Problem<'_> {
 const LIMIT_STARTS: [f64; 6] = [0.66, 0.74, 0.81, 0.87, 0.92, 0.97];
 
 /// The least-squares fit of a shape; `None` where the points do not determine it.
-pub(super) fn fit(shape: Shape, points: &[SteadyPoint], std: &[f64]) -> Option<Solution> {
+pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Option<Solution> {
     if points.len() < shape.parameters() + 2 {
         return None;
     }
     let scale = points.iter().map(|p| p.response.abs()).fold(f64::MIN_POSITIVE, f64::max);
-    let problem = Problem { shape, points, std, scale };
+    let problem = MapProblem { shape, points, std, scale };
     let low = shape.center - shape.half_range;
     let limits: Vec<f64> = if shape.limit {
         LIMIT_STARTS.iter().map(|share| low + 2.0 * shape.half_range * share).collect()
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn coefficients_in_powers_of_the_command_give_the_same_polynomial() {
-        let shape = Shape { degree: 4, hysteresis: false, limit: false, center: 0.45, half_range: 0.3 };
+        let shape = MapTerms { degree: 4, hysteresis: false, limit: false, center: 0.45, half_range: 0.3 };
         let b = [3.0, -2.0, 0.7, 1.1, -0.4];
         let c = shape.expansion() * nalgebra::DVector::from_column_slice(&b);
         for u in [0.0, 0.2, 0.45, 0.9] {

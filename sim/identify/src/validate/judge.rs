@@ -4,8 +4,8 @@ use num_complex::Complex64;
 use rotorlead_plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
-use super::left_over::LeftOver;
 use super::noise::{self, LevelNoise, PeriodNoise};
+use super::residual_power::ResidualPower;
 use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
 use crate::error::IdentifyError;
 use crate::frequency_response::etfe::Etfe;
@@ -16,7 +16,7 @@ use crate::lag::first_order::FitLine;
 use crate::lag::steps::Run;
 use crate::rows::columns;
 use crate::simulation::periodic::{Rates, simulated_periods};
-use crate::simulation::{align, offset_and_start, run_actuator, start_of};
+use crate::simulation::{align, fit_initial_state, fit_offset_and_initial_state, run_actuator};
 use crate::spectra::{Spectrum, SpectrumOptions};
 
 /// Half width of the Hann window of what is drawn, lines: as in identification.
@@ -33,7 +33,7 @@ pub(super) struct Judge<'a> {
 struct Score {
     fit_percent: f64,
     ceiling_percent: Option<f64>,
-    left_over: Option<LeftOver>,
+    residual_power: Option<ResidualPower>,
     comparison: Comparison,
 }
 
@@ -56,7 +56,7 @@ impl Judge<'_> {
             fitted: self.model.provenance.as_ref().map(|provenance| provenance.records.contains(&record.file)),
             fit_percent: score.fit_percent,
             ceiling_percent: score.ceiling_percent,
-            left_over: score.left_over,
+            residual_power: score.residual_power,
             comparison: score.comparison,
         })
     }
@@ -64,7 +64,7 @@ impl Judge<'_> {
     fn in_frequency(&self) -> Result<Score, IdentifyError> {
         let lag =
             OperatingCurve::around_without_effects(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
-        let mut spectrum = Spectrum::of(self.experiment, self.record, &SpectrumOptions::default())?;
+        let mut spectrum = Spectrum::from_record(self.experiment, self.record, &SpectrumOptions::default())?;
         let holds =
             HoldChain::new(spectrum.row_rate_hz, self.experiment.command_rate_hz, self.experiment.esc_frame_hz)?;
         let (mut expected, mut without_holds) = (Vec::new(), Vec::new());
@@ -84,14 +84,14 @@ impl Judge<'_> {
             // What a simulation shows has the holds in it, and they cannot be taken out again.
             without_holds.clone_from(&expected);
         }
-        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::spectra::Line::ratio).collect();
+        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::spectra::SpectralLine::ratio).collect();
         // Both the noise of the response over the command and the fit count each line alike.
-        let noise = spectrum.lines.iter().map(crate::spectra::Line::ratio_variance).sum();
+        let noise = spectrum.lines.iter().map(crate::spectra::SpectralLine::ratio_variance).sum();
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
         Ok(Score {
             fit_percent: percent,
             ceiling_percent: Some(percent_when_left(noise, spread(&measured))),
-            left_over: LeftOver::at_lines(&spectrum.lines, &expected),
+            residual_power: ResidualPower::at_lines(&spectrum.lines, &expected),
             comparison: Comparison::Frequency(compared(&spectrum, &expected, without_holds)?),
         })
     }
@@ -118,7 +118,7 @@ impl Judge<'_> {
             Output::ThrustN => simulated.thrust_n = Some(response),
             Output::Rpm => simulated.rpm = Some(response),
         }
-        let simulated = Spectrum::of(self.experiment, &simulated, &SpectrumOptions::default())?;
+        let simulated = Spectrum::from_record(self.experiment, &simulated, &SpectrumOptions::default())?;
         let of = |harmonic: u32| simulated.lines.iter().find(|line| line.harmonic == harmonic);
         spectrum.lines.retain(|line| of(line.harmonic).is_some());
         Ok(spectrum.lines.iter().filter_map(|line| Some(of(line.harmonic)?.response / line.command)).collect())
@@ -139,27 +139,29 @@ impl Judge<'_> {
         let percent = fit_percent(measured, &simulated).ok_or_else(|| self.constant_response())?;
         let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
         let rows = measured.len() as f64;
-        let (noise, left_over) = match record.excitation {
+        let (noise, residual_power) = match record.excitation {
             Excitation::Square | Excitation::Triangle => {
                 let row_rate_hz = columns::row_rate_hz(record, self.experiment.sample_rate_hz)?;
                 let (_, length) = columns::period_rows(record, row_rate_hz)?;
-                let noise = PeriodNoise::of(&residual, length).filter(|noise| noise::shows(noise.variance, measured));
-                (noise.as_ref().map(|noise| noise.variance * rows), noise.and_then(|noise| noise.left_over()))
+                let noise =
+                    PeriodNoise::estimate(&residual, length).filter(|noise| noise::shows(noise.variance, measured));
+                (noise.as_ref().map(|noise| noise.variance * rows), noise.and_then(|noise| noise.residual_power()))
             }
             Excitation::Step => {
-                let noise = Run::of(record, self.experiment.output)
+                let noise = Run::longest(record, self.experiment.output)
                     .ok()
-                    .and_then(|run| LevelNoise::of(&run, &record.time_s, |_| tau_s))
+                    .and_then(|run| LevelNoise::estimate(&run, &record.time_s, |_| tau_s))
                     .filter(|noise| noise::shows(noise.variance, measured));
-                let left_over = noise.as_ref().and_then(|noise| noise.left_over(residual.iter().copied().enumerate()));
-                (noise.map(|noise| noise.variance * rows), left_over)
+                let residual_power =
+                    noise.as_ref().and_then(|noise| noise.residual_power(residual.iter().copied().enumerate()));
+                (noise.map(|noise| noise.variance * rows), residual_power)
             }
             _ => (None, None),
         };
         Ok(Score {
             fit_percent: percent,
             ceiling_percent: noise.map(|noise| percent_when_left(noise, spread(measured))),
-            left_over,
+            residual_power,
             comparison: Comparison::Time(compared_rows(&record.time_s, measured, &simulated)),
         })
     }
@@ -168,7 +170,7 @@ impl Judge<'_> {
         let (record, output) = (self.record, self.experiment.output);
         let raw = columns::response_column(record, output)?;
         let command = self.command()?;
-        let run = (record.excitation == Excitation::Staircase).then(|| Run::of(record, output)).transpose()?;
+        let run = (record.excitation == Excitation::Staircase).then(|| Run::longest(record, output)).transpose()?;
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
         let shown = run.as_ref().map(Run::rows_that_show);
         let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
@@ -184,26 +186,26 @@ impl Judge<'_> {
         // The record may begin before the response has settled, and a model must not be judged by what came before.
         let tau_s = time_constant_s(command[rows.start]);
         let (offset, start) = match self.model.static_map {
-            Some(_) => (0.0, start_of(&time_s, &measured, &simulated, tau_s)),
+            Some(_) => (0.0, fit_initial_state(&time_s, &measured, &simulated, tau_s)),
             // The integral of the gain has no zero of its own.
-            None => offset_and_start(&time_s, &measured, &simulated, tau_s),
+            None => fit_offset_and_initial_state(&time_s, &measured, &simulated, tau_s),
         };
         let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
         simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
         let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
         let noise = run
             .as_ref()
-            .and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s))
+            .and_then(|run| LevelNoise::estimate(run, &record.time_s, time_constant_s))
             .filter(|noise| noise::shows(noise.variance, raw));
-        let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
+        let residual_power = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
             let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
-            noise.left_over(kept.iter().map(|&row| (row, left(row))))
+            noise.residual_power(kept.iter().map(|&row| (row, left(row))))
         });
         let left = noise.map(|noise| noise.variance * measured.len() as f64);
         Ok(Score {
             fit_percent: percent,
             ceiling_percent: left.map(|left| percent_when_left(left, spread(&measured))),
-            left_over,
+            residual_power,
             comparison: Comparison::Time(compared_rows(&time_s, &measured, &simulated)),
         })
     }
@@ -259,7 +261,7 @@ fn compared(
         raw: etfe.raw().iter().map(|point| point.response).collect(),
         smoothed: FrequencyResponse {
             lines: etfe.smoothed().iter().map(line).collect(),
-            ..FrequencyResponse::of(spectrum)
+            ..FrequencyResponse::from_spectrum(spectrum)
         },
         model,
     })

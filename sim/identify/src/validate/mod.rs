@@ -16,14 +16,14 @@
 //! levels (step, staircase).
 
 //!
-//! Beside the ceiling stands a test whether the record shows the model to be wrong ([`LeftOver`]).
+//! Beside the ceiling stands a test whether the record shows the model to be wrong ([`ResidualPower`]).
 
 mod judge;
-mod left_over;
 mod noise;
+mod residual_power;
 mod table;
 
-pub use left_over::LeftOver;
+pub use residual_power::ResidualPower;
 pub use table::{FitBesideCeiling, TableRow, table_2};
 
 use num_complex::Complex64;
@@ -68,7 +68,7 @@ pub struct RecordValidation {
     /// % fit that noise leaves to the true model; `None` where the record does not show its noise.
     pub ceiling_percent: Option<f64>,
     /// Whether more than noise is left; `None` where the noise does not show beside it.
-    pub left_over: Option<LeftOver>,
+    pub residual_power: Option<ResidualPower>,
     /// What was compared.
     pub comparison: Comparison,
 }
@@ -86,8 +86,8 @@ impl Serialize for RecordValidation {
         values.serialize_field("domain", &self.domain())?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
         values.serialize_field("ceiling_percent", &self.ceiling_percent)?;
-        values.serialize_field("left_over_noise", &self.left_over.map(|left| left.power_ratio))?;
-        values.serialize_field("left_over_p_value", &self.left_over.map(|left| left.p_value))?;
+        values.serialize_field("left_over_noise", &self.residual_power.map(|left| left.power_ratio))?;
+        values.serialize_field("left_over_p_value", &self.residual_power.map(|left| left.p_value))?;
         values.serialize_field("model_error_percent", &self.model_error_percent())?;
         values.end()
     }

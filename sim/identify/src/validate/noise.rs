@@ -11,7 +11,7 @@
 
 use rotorlead_numerics::sample::variance;
 
-use super::left_over::LeftOver;
+use super::residual_power::ResidualPower;
 use crate::lag::steps::Run;
 use crate::spectra;
 
@@ -45,12 +45,12 @@ fn degrees_of_freedom(powers: impl Iterator<Item = f64>, samples: f64) -> f64 {
 pub(super) struct PeriodNoise {
     /// Variance per row.
     pub(super) variance: f64,
-    left_over: Option<LeftOver>,
+    residual_power: Option<ResidualPower>,
 }
 
 impl PeriodNoise {
     /// Of a residual with this many rows in a period; `None` with fewer than two whole periods.
-    pub(super) fn of(residual: &[f64], length: usize) -> Option<Self> {
+    pub(super) fn estimate(residual: &[f64], length: usize) -> Option<Self> {
         let periods: Vec<&[f64]> = residual.chunks_exact(length).collect();
         if periods.len() < 2 {
             return None;
@@ -70,13 +70,13 @@ impl PeriodNoise {
             repeats += count * mean.norm_sqr();
         }
         let dof = degrees_of_freedom(noise.iter().copied(), count - 1.0);
-        let left_over = LeftOver::of(repeats, dof, noise.iter().sum(), (count - 1.0) * dof);
-        Some(Self { variance, left_over })
+        let residual_power = ResidualPower::compute(repeats, dof, noise.iter().sum(), (count - 1.0) * dof);
+        Some(Self { variance, residual_power })
     }
 
     /// The part of the residual that repeats, beside the noise of the mean over periods.
-    pub(super) fn left_over(&self) -> Option<LeftOver> {
-        self.left_over
+    pub(super) fn residual_power(&self) -> Option<ResidualPower> {
+        self.residual_power
     }
 }
 
@@ -91,7 +91,7 @@ pub(super) struct LevelNoise {
 
 impl LevelNoise {
     /// Of a run whose levels follow their commands with these time constants; `None` without a plateau that settles.
-    pub(super) fn of(run: &Run, time_s: &[f64], time_constant_s: impl Fn(f64) -> f64) -> Option<Self> {
+    pub(super) fn estimate(run: &Run, time_s: &[f64], time_constant_s: impl Fn(f64) -> f64) -> Option<Self> {
         let (mut sum, mut spread, mut settled) = (0.0, 0.0, Vec::new());
         for plateau in &run.plateaus {
             let rows = plateau.settled();
@@ -116,7 +116,7 @@ impl LevelNoise {
 
     /// The residual of rows of the record, beside the noise: of those on which the levels were not measured, so that
     /// the two are independent. `None` where there are none.
-    pub(super) fn left_over(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<LeftOver> {
+    pub(super) fn residual_power(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<ResidualPower> {
         let is_settled = |row: usize| self.settled.iter().any(|rows| rows.contains(&row));
         let (mut sum, mut rows) = (0.0, 0.0);
         for (_, residual) in residual.filter(|&(row, _)| !is_settled(row)) {
@@ -125,6 +125,6 @@ impl LevelNoise {
         }
         let settled: usize = self.settled.iter().map(|rows| rows.len()).sum();
         let dof = self.dof * rows / settled as f64;
-        LeftOver::of(sum / rows, dof, self.variance, self.dof)
+        ResidualPower::compute(sum / rows, dof, self.variance, self.dof)
     }
 }

@@ -2,7 +2,7 @@
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_identify::lag::steps::Direction;
-use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoint, SteadyPoints};
+use rotorlead_identify::static_map::{MapLimit, StaticMapFit, SteadyPoint, SteadyPoints};
 use rotorlead_records::Output;
 
 use crate::unit::quantity;
@@ -38,8 +38,8 @@ pub fn static_map(points: &SteadyPoints, fit: &StaticMapFit, output: Output) -> 
         upright("end of the dead zone", Color::Green, zone.end.map_or(zone.runs, |end| end.value));
     }
     match fit.limit {
-        Some(Limit::Saturates { command, .. }) => upright("limit", Color::Purple, command.value),
-        Some(Limit::Falls { command, .. }) => upright("falls beyond", Color::Purple, command),
+        Some(MapLimit::Saturates { command, .. }) => upright("limit", Color::Purple, command.value),
+        Some(MapLimit::Falls { command, .. }) => upright("falls beyond", Color::Purple, command),
         None => {}
     }
     let (what, unit) = quantity(output);

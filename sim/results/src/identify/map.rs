@@ -2,7 +2,7 @@
 
 use rotorlead_answer::{Table, Typed, Unit, Weight, table_of};
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_identify::static_map::{Limit, StaticMapFit};
+use rotorlead_identify::static_map::{MapLimit, StaticMapFit};
 use rotorlead_records::Output;
 
 use crate::unit::unit;
@@ -65,13 +65,13 @@ fn notes(fit: &StaticMapFit, output: Output) -> Vec<String> {
         None => "hysteresis not seen: levels were reached from one side only".to_owned(),
     };
     let limit = match fit.limit {
-        Some(Limit::Saturates { command, response }) => format!(
+        Some(MapLimit::Saturates { command, response }) => format!(
             "limited beyond command {}, at {} {}",
             interval(command, 4),
             interval(response, digits),
             unit(output)
         ),
-        Some(Limit::Falls { command, by }) => format!(
+        Some(MapLimit::Falls { command, by }) => format!(
             "falls beyond command {command:.3}, by {} {} at the next level: the polynomial ends there",
             interval(by, digits),
             unit(output)

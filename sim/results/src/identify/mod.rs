@@ -3,7 +3,6 @@
 mod chirp;
 mod headline;
 mod intervals;
-mod laws;
 mod map;
 mod tables;
 
@@ -15,9 +14,8 @@ use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
 use rotorlead_assess::{Assessment, Known, assess};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::error::IdentifyError;
-use rotorlead_identify::identification::{Identification, IdentifyOptions, Lags, identify, step_record};
+use rotorlead_identify::identification::{Identification, IdentifyOptions, Lags, identify};
 use rotorlead_identify::lag::multisine::{PeriodicIdentification, PeriodicOptions};
-use rotorlead_identify::lag::steps::{LawComparison, compare_laws};
 use rotorlead_identify::spectra::{LongRecordError, Spectrum};
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_records::{Experiment, Finding, LongRecord, Output, Record};
@@ -39,8 +37,6 @@ use super::recommendation::{JudgementValues, recommendation_table, to_fly_in_sho
 pub struct IdentifyResult {
     /// The model, and where its lags come from.
     pub identification: Identification,
-    /// One lag beside one that depends on the speed, of steps.
-    pub laws: Option<LawComparison>,
     /// Whether a compensator may be built on the model, and what to fly.
     pub assessment: Assessment,
     /// What the user should know of it.
@@ -91,15 +87,8 @@ impl IdentifyResult {
         if let Some(provenance) = &mut identification.model.provenance {
             provenance.judgement = Some(assessment.judgement.clone());
         }
-        let mut findings = identification.warnings.clone();
-        let in_time = identification.lags.in_time();
-        let laws = in_time.map(|_| compare_laws(step_record(experiment)?, experiment.output).map_err(Into::into));
-        let laws = laws.transpose().unwrap_or_else(|error: IdentifyError| {
-            let message = format!("one lag was not compared with one that depends on the speed: {error}");
-            findings.push(Finding::warning(message, None));
-            None
-        });
-        Ok(Self { laws, assessment, findings, identification })
+        let findings = identification.warnings.clone();
+        Ok(Self { assessment, findings, identification })
     }
 
     /// The answer. What is not known is null for programs.
@@ -108,7 +97,7 @@ impl IdentifyResult {
         let identified = &self.identification;
         let output = experiment.output;
         let Assessment { judgement, recommendation, .. } = &self.assessment;
-        let mut detail: Vec<Table> = self.laws.iter().map(laws::table).collect();
+        let mut detail: Vec<Table> = Vec::new();
         detail.extend(identified.lags.in_time().map(tables::steps));
         detail.extend(identified.lags.in_frequency().and_then(distortion_table).map(Table::in_detail));
         detail.extend(identified.static_map.iter().flat_map(|(_, fit)| map::tables(fit, output)));
@@ -159,7 +148,6 @@ impl IdentifyResult {
             "frequency_responses": responses,
             "alignment": null,
             "static_map": identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
-            "laws": self.laws,
         }))
     }
 }
@@ -183,7 +171,7 @@ pub fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Re
     let options = PeriodicOptions::default().spectrum;
     let spectra: Vec<_> = long
         .par_iter()
-        .map(|record| Ok((record.header.clone(), Spectrum::of_long(experiment, record, &options)?)))
+        .map(|record| Ok((record.header.clone(), Spectrum::from_long_record(experiment, record, &options)?)))
         .collect();
     // The error is that of the first faulty record, whichever is found first.
     spectra.into_iter().collect()

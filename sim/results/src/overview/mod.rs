@@ -12,7 +12,7 @@ use rotorlead_assess::{Assessment, Known, assess};
 use rotorlead_design::Latency;
 use rotorlead_design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
-use rotorlead_identify::check::{Findings, of_record};
+use rotorlead_identify::check::{Findings, check_record};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_identify::lag::multisine::PeriodicIdentification;
@@ -192,7 +192,7 @@ impl Overview {
 /// What `rotorlead check` finds in the records, and what identification does.
 fn findings(experiment: &Experiment, identified: Option<&IdentifyResult>) -> Vec<Finding> {
     let mut findings = Findings::default();
-    experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
+    experiment.records.iter().for_each(|record| findings.extend(check_record(experiment, record, false)));
     let of_identification = identified.into_iter().flat_map(|found| &found.findings);
     of_identification.cloned().for_each(|warning| findings.warn(warning));
     findings.sorted()

@@ -124,7 +124,7 @@ pub(crate) fn prepare(
     if constant(response) {
         return Err(IdentifyError::ConstantResponse { file: source.file.clone() }.into());
     }
-    let run = match Run::of(source, output) {
+    let run = match Run::longest(source, output) {
         Ok(run) => Some(run),
         Err(StepsError::NotRunning { .. } | StepsError::NoPlateaus { .. }) => None,
         Err(error) => return Err(DiagnoseError::Steps(error)),

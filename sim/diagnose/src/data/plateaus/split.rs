@@ -7,16 +7,54 @@
 //! | even to odd | every other level, from the lowest on | the other levels |
 //! | odd to even | the other way round | |
 //!
-//! They are those of [`SPLITS`]. A record with too few plateaus to be cut goes by its first step and by its place in the
+//! A record with too few plateaus to be cut goes by its first step and by its place in the
 //! experiment; one without plateaus by every other tenth of it, in the last two splits only. Where the experiment itself keeps
 //! records back, it is these, and nothing else is split.
 //!
 //! A kind's gain is the mean over the splits, each with its own fit. What a split does not determine (unequal lags, on
 //! steps up alone) stays near the value at which the effect is not there, by a weak tie: twice the plausible range.
 
-use rotorlead_identify::lag::steps::Split as StepSplit;
+use rotorlead_identify::lag::steps::{Direction, Plateau};
 
 use super::{Group, Log};
+
+/// A way of cutting the steps of a log in two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StepSplit {
+    /// Fitted on steps up, judged on steps down.
+    UpToDown,
+    /// Fitted on steps down, judged on steps up.
+    DownToUp,
+    /// Fitted on every other level from the lowest on, judged on the others.
+    EvenToOdd,
+    /// The other way round.
+    OddToEven,
+}
+
+impl StepSplit {
+    pub(crate) const ALL: [Self; 4] = [Self::UpToDown, Self::DownToUp, Self::EvenToOdd, Self::OddToEven];
+
+    /// What it is fitted on and judged on, in words.
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::UpToDown => "steps up -> steps down",
+            Self::DownToUp => "steps down -> steps up",
+            Self::EvenToOdd => "even -> odd levels",
+            Self::OddToEven => "odd -> even levels",
+        }
+    }
+
+    /// Whether the rows of a plateau, whose level has this rank, are fitted.
+    fn fits(self, plateau: &Plateau, rank: usize) -> bool {
+        let up = plateau.direction != Some(Direction::Down);
+        match self {
+            Self::UpToDown => up,
+            Self::DownToUp => !up,
+            Self::EvenToOdd => rank.is_multiple_of(2),
+            Self::OddToEven => !rank.is_multiple_of(2),
+        }
+    }
+}
 
 /// Groups that a record has to have to be cut.
 const CUT_FROM: usize = 4;

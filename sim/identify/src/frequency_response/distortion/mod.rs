@@ -95,7 +95,7 @@ impl Distortion {
     /// `None` when a record excites even lines, when none has unexcited ones within its band, or when a single
     /// period is left, which does not tell noise and distortion apart.
     #[must_use]
-    pub fn of(spectra: &[&Spectrum]) -> Option<Self> {
+    pub fn from_spectra(spectra: &[&Spectrum]) -> Option<Self> {
         let tells = |spectrum: &&Spectrum| {
             spectrum.noise == NoiseSource::BetweenPeriods
                 && spectrum.lines.iter().all(|line| line.harmonic % 2 == 1)

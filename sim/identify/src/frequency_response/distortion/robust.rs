@@ -15,7 +15,7 @@ use num_complex::Complex64;
 
 use super::decibels;
 use crate::frequency_response::{FrequencyResponse, ResponseLine};
-use crate::spectra::{Line, Spectrum, noise};
+use crate::spectra::{SpectralLine, Spectrum, noise};
 
 /// Lines to either side that the variance over realizations is averaged over.
 const POOL_HALF_WIDTH: usize = 5;
@@ -43,13 +43,13 @@ impl RobustResponse {
     /// From records at one nominal command that excite the same lines with the same amplitudes; the lines that all of
     /// them show. `None` when there are fewer than two, or when two have the same phases.
     #[must_use]
-    pub fn of(spectra: &[&Spectrum]) -> Option<Self> {
+    pub fn from_spectra(spectra: &[&Spectrum]) -> Option<Self> {
         let (first, others) = spectra.split_first().filter(|(_, others)| !others.is_empty())?;
         let of_harmonic = |spectrum: &Spectrum, harmonic: u32| {
             spectrum.lines.binary_search_by_key(&harmonic, |line| line.harmonic).ok().map(|at| spectrum.lines[at])
         };
         // By line, all records' lines.
-        let common: Vec<Vec<Line>> = first
+        let common: Vec<Vec<SpectralLine>> = first
             .lines
             .iter()
             .filter_map(|line| spectra.iter().map(|spectrum| of_harmonic(spectrum, line.harmonic)).collect())
@@ -61,7 +61,7 @@ impl RobustResponse {
 
         let count = spectra.len() as f64;
         let mean: Vec<Complex64> =
-            common.iter().map(|lines| lines.iter().map(Line::ratio).sum::<Complex64>() / count).collect();
+            common.iter().map(|lines| lines.iter().map(SpectralLine::ratio).sum::<Complex64>() / count).collect();
         let sample: Vec<f64> = common
             .iter()
             .zip(&mean)
@@ -71,8 +71,10 @@ impl RobustResponse {
             .collect();
         let bins: Vec<usize> = common.iter().map(|lines| lines[0].harmonic as usize).collect();
         let pooled = noise::pool(&sample, &bins, count - 1.0, POOL_HALF_WIDTH, 0.0);
-        let noise_variance: Vec<f64> =
-            common.iter().map(|lines| lines.iter().map(Line::ratio_variance).sum::<f64>() / (count * count)).collect();
+        let noise_variance: Vec<f64> = common
+            .iter()
+            .map(|lines| lines.iter().map(SpectralLine::ratio_variance).sum::<f64>() / (count * count))
+            .collect();
         let stochastic_variance: Vec<f64> =
             sample.iter().zip(&noise_variance).map(|(all, noise)| count * (all - noise)).collect();
         let command_power =
@@ -103,7 +105,7 @@ impl RobustResponse {
 }
 
 /// Whether any two records have other phases.
-fn all_differ(common: &[Vec<Line>], records: usize) -> bool {
+fn all_differ(common: &[Vec<SpectralLine>], records: usize) -> bool {
     let power: f64 = common.iter().map(|lines| lines[0].command.norm_sqr()).sum();
     let differ = |a: usize, b: usize| {
         let difference: f64 = common.iter().map(|lines| (lines[a].command - lines[b].command).norm_sqr()).sum();

@@ -10,7 +10,7 @@ use rotorlead_plant::bench::multisine::{DetectionRecipe, DetectionSet};
 
 use super::*;
 use crate::spectra::transient::TransientTest;
-use crate::spectra::{Line, SpectrumOptions};
+use crate::spectra::{SpectralLine, SpectrumOptions};
 use crate::testing::{experiment, noise, record};
 
 /// Rows per second: three times the top line is below half of it, so nothing folds back.
@@ -86,7 +86,7 @@ fn run(set: &DetectionSet, realization: usize, polynomial: Polynomial, tau_s: f6
     }
     let command = (0..4 * ROWS).map(|row| 0.5 + wave[row % ROWS]).collect();
     let record = record(RATE_HZ, Some(PERIOD_S), command, thrust_n);
-    Spectrum::of(&experiment(RATE_HZ, vec![]), &record, &SpectrumOptions::default()).unwrap()
+    Spectrum::from_record(&experiment(RATE_HZ, vec![]), &record, &SpectrumOptions::default()).unwrap()
 }
 
 /// What the levels must be: even and odd, relative to the linear response, dB.
@@ -117,7 +117,7 @@ fn levels_of_a_polynomial_are_within_a_decibel_with_and_without_a_lag() {
         for (a, b, tau_s) in [(4.0, 150.0, 0.0), (-1.5, 60.0, 0.1), (8.0, -300.0, 0.1), (0.8, 40.0, 0.0)] {
             let polynomial = Polynomial { a, b };
             let (even, odd) = exact(&set, 0, polynomial, tau_s);
-            let found = Distortion::of(&[&run(&set, 0, polynomial, tau_s, 2e-4)]).unwrap();
+            let found = Distortion::from_spectra(&[&run(&set, 0, polynomial, tau_s, 2e-4)]).unwrap();
             let (seen_even, seen_odd) = (found.even.unwrap(), found.odd.unwrap());
             println!(
                 "a {a} b {b} tau {tau_s}: even {even:.2} found {:.2}, odd {odd:.2} found {:.2}, noise {:.2}",
@@ -136,7 +136,7 @@ fn levels_of_a_polynomial_are_within_a_decibel_with_and_without_a_lag() {
 #[test]
 fn even_and_odd_are_not_mixed_up() {
     let set = set(1, 1);
-    let level = |a, b| Distortion::of(&[&run(&set, 0, Polynomial { a, b }, 0.1, 1e-5)]).unwrap();
+    let level = |a, b| Distortion::from_spectra(&[&run(&set, 0, Polynomial { a, b }, 0.1, 1e-5)]).unwrap();
     let square = level(10.0, 0.0);
     assert!(square.even.unwrap().is_strong() && !square.odd.unwrap().is_seen(), "{square:?}");
     let cube = level(0.0, 300.0);
@@ -177,7 +177,7 @@ fn a_linear_actuator_is_seldom_said_to_distort() {
             disturbed: found.disturbed,
             removed: found.removed,
         };
-        let found = Distortion::of(&[&spectrum]).unwrap();
+        let found = Distortion::from_spectra(&[&spectrum]).unwrap();
         seen += [found.even, found.odd].into_iter().flatten().filter(DistortionLevel::is_seen).count();
     }
     println!("{seen} of 2000 levels seen");
@@ -190,8 +190,8 @@ fn realizations_disagree_by_as_much_as_the_skipped_lines_show() {
     let polynomial = Polynomial { a: 0.0, b: 300.0 };
     let spectra: Vec<_> = (0..8).map(|m| run(&set, m, polynomial, 0.1, 1e-4)).collect();
     let spectra: Vec<&Spectrum> = spectra.iter().collect();
-    let robust = RobustResponse::of(&spectra).unwrap();
-    let odd = Distortion::of(&spectra).unwrap().odd.unwrap();
+    let robust = RobustResponse::from_spectra(&spectra).unwrap();
+    let odd = Distortion::from_spectra(&spectra).unwrap().odd.unwrap();
     println!("stochastic {:.2} dB, odd {:.2} dB", robust.stochastic_db, odd.relative_db);
     assert!((robust.stochastic_db - odd.relative_db).abs() < 2.0);
 
@@ -220,14 +220,14 @@ fn realizations_disagree_by_as_much_as_the_skipped_lines_show() {
 fn what_cannot_tell_gives_no_level() {
     let set = set(2, 1);
     let one = run(&set, 0, Polynomial { a: 1.0, b: 0.0 }, 0.1, 1e-4);
-    assert!(RobustResponse::of(&[&one]).is_none());
-    assert!(RobustResponse::of(&[&one, &one]).is_none(), "the same phases twice");
-    let even = Line { harmonic: 2, ..one.lines[0] };
+    assert!(RobustResponse::from_spectra(&[&one]).is_none());
+    assert!(RobustResponse::from_spectra(&[&one, &one]).is_none(), "the same phases twice");
+    let even = SpectralLine { harmonic: 2, ..one.lines[0] };
     let mut with_even = one.clone();
     with_even.lines.push(even);
-    assert!(Distortion::of(&[&with_even]).is_none());
+    assert!(Distortion::from_spectra(&[&with_even]).is_none());
     let mut last_period = one.clone();
     last_period.noise = NoiseSource::UnexcitedLines;
-    assert!(Distortion::of(&[&last_period]).is_none());
-    assert!(Distortion::of(&[]).is_none());
+    assert!(Distortion::from_spectra(&[&last_period]).is_none());
+    assert!(Distortion::from_spectra(&[]).is_none());
 }

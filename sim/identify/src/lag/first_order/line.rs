@@ -2,8 +2,8 @@
 
 use num_complex::Complex64;
 
-use crate::frequency_response::hold::{HoldChain, Image};
-use crate::spectra::Line;
+use crate::frequency_response::hold::{HoldChain, HoldImage};
+use crate::spectra::SpectralLine;
 
 /// One frequency at which the response is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,13 +19,13 @@ pub struct FitLine {
     /// How many neighbors share what is known of `variance`.
     pub pooled: f64,
     /// Which frequencies the actuator sees on this line, with what weight: holds and known filter.
-    pub images: Vec<Image>,
+    pub images: Vec<HoldImage>,
 }
 
 impl FitLine {
     /// A line of a spectrum behind the holds of its record.
     #[must_use]
-    pub fn new(line: &Line, holds: &HoldChain) -> Self {
+    pub fn new(line: &SpectralLine, holds: &HoldChain) -> Self {
         Self {
             omega_rad_s: line.omega_rad_s,
             response: line.ratio(),

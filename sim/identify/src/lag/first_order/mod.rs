@@ -30,7 +30,7 @@ use crate::error::IdentifyError;
 use crate::estimate::Estimate;
 use crate::estimate::uncertainty::{NoiseKnowledge, Uncertainty};
 pub use line::FitLine;
-use problem::{lag_of, search};
+use problem::{search, to_lag};
 use start::start;
 
 /// How the fit is done.
@@ -122,7 +122,8 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
     let (best, delay_p_value) = if options.delay_level > 0.0 {
         let delayed = start(lines, options.max_delay_s).and_then(|start| search(lines, &start, true));
         choose(plain, delayed, options.delay_level, |gain, delayed| {
-            let (inflation, dof) = uncertainty_of(delayed, noise).map_or((1.0, 1.0), |u| u.inflation_of_parameter(2));
+            let (inflation, dof) =
+                compute_uncertainty(delayed, noise).map_or((1.0, 1.0), |u| u.inflation_of_parameter(2));
             f_upper_tail(gain / inflation, 1.0, dof)
         })?
     } else {
@@ -130,9 +131,9 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
     };
 
     let has_delay = best.parameters.len() > 2;
-    let uncertainty = uncertainty_of(&best, noise)
+    let uncertainty = compute_uncertainty(&best, noise)
         .ok_or(IdentifyError::NoFit { reason: "the lines do not tell gain and lag apart" })?;
-    let estimate = |i: usize| uncertainty.of_parameter(best.parameters[i], i);
+    let estimate = |i: usize| uncertainty.parameter(best.parameters[i], i);
     let covariance = uncertainty.covariance();
     let chi_square = best.sum_of_squares;
     let residual_dof = 2.0 * lines.len() as f64 - if has_delay { 3.0 } else { 2.0 };
@@ -151,7 +152,7 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
 }
 
 /// The parameters' uncertainty; `None` where the lines do not tell them apart.
-fn uncertainty_of(solution: &Solution, noise: NoiseKnowledge) -> Option<Uncertainty> {
+fn compute_uncertainty(solution: &Solution, noise: NoiseKnowledge) -> Option<Uncertainty> {
     Some(Uncertainty::new(solution.unit_covariance.clone()?, solution.jacobian.clone(), noise))
 }
 
@@ -163,7 +164,7 @@ fn choose(
     level: f64,
     tail: impl Fn(f64, &Solution) -> f64,
 ) -> Result<(Solution, Option<f64>), IdentifyError> {
-    let is_delay = |solution: &Solution| lag_of(&solution.parameters).delay_s > 0.0;
+    let is_delay = |solution: &Solution| to_lag(&solution.parameters).delay_s > 0.0;
     match (plain, delayed) {
         (Ok(plain), Err(_)) => Ok((plain, None)),
         (Err(_), Ok(delayed)) if is_delay(&delayed) => Ok((delayed, Some(0.0))),

@@ -15,12 +15,12 @@ const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-9 };
 /// Real and imaginary parts of `(model - measured) / s` at each line, scaled to unit variance.
 ///
 /// Parameters are `K`, `tau` and, where it is searched, `Td`.
-pub(super) struct Problem<'a> {
+pub(super) struct LagProblem<'a> {
     pub(super) lines: &'a [FitLine],
 }
 
 /// The lag of a parameter vector.
-pub(super) fn lag_of(parameters: &[f64]) -> Lag {
+pub(super) fn to_lag(parameters: &[f64]) -> Lag {
     Lag { gain: parameters[0], time_constant_s: parameters[1], delay_s: parameters.get(2).copied().unwrap_or(0.0) }
 }
 
@@ -29,13 +29,13 @@ fn scale(line: &FitLine) -> f64 {
     (2.0 / line.variance).sqrt()
 }
 
-impl Residuals for Problem<'_> {
+impl Residuals for LagProblem<'_> {
     fn count(&self) -> usize {
         2 * self.lines.len()
     }
 
     fn evaluate(&self, parameters: &[f64], out: &mut [f64]) -> bool {
-        let lag = lag_of(parameters);
+        let lag = to_lag(parameters);
         for (line, parts) in self.lines.iter().zip(out.chunks_exact_mut(2)) {
             let residual = (line.seen(|omega| lag.frequency_response(omega)) - line.response) * scale(line);
             parts.copy_from_slice(&[residual.re, residual.im]);
@@ -44,7 +44,7 @@ impl Residuals for Problem<'_> {
     }
 
     fn jacobian(&self, parameters: &[f64], out: &mut DMatrix<f64>) -> bool {
-        let lag = lag_of(parameters);
+        let lag = to_lag(parameters);
         for (k, line) in self.lines.iter().enumerate() {
             let derivatives = derivatives(&lag, line);
             for (j, derivative) in derivatives.into_iter().enumerate().take(parameters.len()) {
@@ -74,7 +74,7 @@ fn derivatives(lag: &Lag, line: &FitLine) -> [Complex64; 3] {
 /// The best lag from `start` on, its dead time searched or left at zero.
 pub(super) fn search(lines: &[FitLine], start: &Lag, with_delay: bool) -> Result<Solution, IdentifyError> {
     let start = [start.gain, start.time_constant_s, start.delay_s];
-    let solution = minimize(&Problem { lines }, &start[..if with_delay { 3 } else { 2 }], LIMITS)
+    let solution = minimize(&LagProblem { lines }, &start[..if with_delay { 3 } else { 2 }], LIMITS)
         .ok_or(IdentifyError::NoFit { reason: "no starting value has a response" })?;
     if solution.converged {
         Ok(solution)
@@ -91,8 +91,8 @@ mod tests {
     #[test]
     fn the_jacobian_is_the_derivative() {
         let at = [10.0, 0.1, 0.004];
-        let lines = lines(lag_of(&at), 0.01, 1);
-        let problem = Problem { lines: &lines };
+        let lines = lines(to_lag(&at), 0.01, 1);
+        let problem = LagProblem { lines: &lines };
         let (mut jacobian, mut up, mut down) = (DMatrix::zeros(300, 3), vec![0.0; 300], vec![0.0; 300]);
         assert!(problem.jacobian(&at, &mut jacobian));
         for j in 0..3 {

@@ -41,7 +41,7 @@ pub(super) struct FeedbackTest {
 impl FeedbackTest {
     /// Of whole periods of `length` rows, `row_s` seconds apart, of an actuator with this lag. `None` with fewer than two periods,
     /// or where the command repeats exactly, as from a file or a generator.
-    pub(super) fn of(command: &[f64], response: &[f64], length: usize, row_s: f64, lag: &Lag) -> Option<Self> {
+    pub(super) fn run(command: &[f64], response: &[f64], length: usize, row_s: f64, lag: &Lag) -> Option<Self> {
         let periods = command.len().min(response.len()) / length;
         if periods < 2 {
             return None;
@@ -148,7 +148,7 @@ mod tests {
                 response.push(y);
             }
         }
-        FeedbackTest::of(&command, &response, LENGTH, ROW_S, &LAG).map_or(f64::NAN, |test| test.p_value)
+        FeedbackTest::run(&command, &response, LENGTH, ROW_S, &LAG).map_or(f64::NAN, |test| test.p_value)
     }
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_command_that_repeats_has_nothing_to_test() {
         let command: Vec<f64> = (0..1000).map(|k| f64::from(k % 100)).collect();
-        assert_eq!(FeedbackTest::of(&command, &command, 100, 0.01, &LAG), None);
-        assert_eq!(FeedbackTest::of(&command[..150], &command[..150], 100, 0.01, &LAG), None);
+        assert_eq!(FeedbackTest::run(&command, &command, 100, 0.01, &LAG), None);
+        assert_eq!(FeedbackTest::run(&command[..150], &command[..150], 100, 0.01, &LAG), None);
     }
 }

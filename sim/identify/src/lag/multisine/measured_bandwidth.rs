@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::error::IdentifyError;
-use crate::frequency_response::bandwidth::{EtfeBandwidth, StaticValue, bandwidth_of_etfe};
+use crate::frequency_response::bandwidth::{EtfeBandwidth, StaticValue, compute_etfe_bandwidth};
 use crate::lag::multisine::PeriodicIdentification;
 
 /// The bandwidth of one record.
@@ -25,7 +25,7 @@ impl PeriodicIdentification {
     /// at that command, with its standard error; `resamples` draws from `seed` give the intervals.
     ///
     /// # Errors
-    /// Those of [`bandwidth_of_etfe`].
+    /// Those of [`compute_etfe_bandwidth`].
     pub fn bandwidths(&self, resamples: usize, seed: u64) -> Result<Vec<MeasuredBandwidth>, IdentifyError> {
         let mut measured = Vec::new();
         for nominal in &self.nominals {
@@ -36,7 +36,7 @@ impl PeriodicIdentification {
                     file: response.spectrum.file.clone(),
                     nominal: nominal.nominal,
                     compensated: response.compensated,
-                    bandwidth: bandwidth_of_etfe(&response.etfe, static_value, resamples, seed)?,
+                    bandwidth: compute_etfe_bandwidth(&response.etfe, static_value, resamples, seed)?,
                 });
             }
         }

@@ -54,7 +54,7 @@ pub struct PeriodicOptions<'a> {
     /// The stand that the thrust passed on its way to the sensor; it is divided out.
     pub stand: Option<&'a StandModel>,
     /// Multisine records that are not in the experiment since their rows are not in memory, with their spectra
-    /// ([`Spectrum::of_long`]).
+    /// ([`Spectrum::from_long_record`]).
     pub long: &'a [(Record, Spectrum)],
 }
 
@@ -80,7 +80,7 @@ impl Default for PeriodicOptions<'_> {
 ///
 /// # Errors
 /// [`IdentifyError::NoFitRecord`] without a record to fit, [`IdentifyError::GainMayBeZero`] when no response follows its
-/// command; whatever [`Spectrum::of`] and
+/// command; whatever [`Spectrum::from_record`] and
 /// [`fit_first_order`] find wrong.
 pub fn identify_periodic(
     experiment: &Experiment,
@@ -100,7 +100,7 @@ pub fn identify_periodic(
         .map(|(record, spectrum)| {
             let spectrum = match spectrum {
                 None if record.excitation == Excitation::Multisine => {
-                    Some(Spectrum::of(experiment, record, spectrum_options)?)
+                    Some(Spectrum::from_record(experiment, record, spectrum_options)?)
                 }
                 spectrum => spectrum.cloned(),
             };
@@ -114,9 +114,11 @@ pub fn identify_periodic(
     let mut refused = None;
     for group in spectra.chunk_by_mut(|(a, _), (b, _)| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
-            Found::Lag(found) => nominals.push(*found),
-            Found::NothingToFit => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
-            Found::NoGain { gain, warnings: found } => {
+            NominalOutcome::Lag(found) => nominals.push(*found),
+            NominalOutcome::NothingToFit => {
+                warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal })
+            }
+            NominalOutcome::NoGain { gain, warnings: found } => {
                 let nominal = group[0].0.nominal;
                 refused.get_or_insert_with(|| plausibility::refusal(nominal, gain, &found));
                 warnings.extend(found);
@@ -131,7 +133,7 @@ pub fn identify_periodic(
 }
 
 /// What comes out at one nominal command.
-enum Found {
+enum NominalOutcome {
     Lag(Box<NominalIdentification>),
     NothingToFit,
     /// A response that may as well be none of this command, and what speaks against its records.
@@ -145,7 +147,7 @@ fn identify_nominal(
     experiment: &Experiment,
     group: &mut [(&Record, Option<Spectrum>)],
     options: &PeriodicOptions<'_>,
-) -> Result<Found, IdentifyError> {
+) -> Result<NominalOutcome, IdentifyError> {
     let nominal = group[0].0.nominal;
     let mut warnings = Vec::new();
     let transformed = group
@@ -161,7 +163,7 @@ fn identify_nominal(
     let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
     let lines: Vec<FitLine> = transformed.iter().filter(|t| is_fitted(t)).flat_map(Transformed::fit_lines).collect();
     if lines.is_empty() {
-        return Ok(Found::NothingToFit);
+        return Ok(NominalOutcome::NothingToFit);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
     let fit = plausibility::with_longer_delay(&fit, &lines, &options.fit).unwrap_or(fit);
@@ -180,9 +182,9 @@ fn identify_nominal(
         warnings.push(IdentifyWarning::PeriodTooShort { nominal, lowest_hz, pole_hz });
     }
     if plausibility::may_be_zero(fit.gain) {
-        return Ok(Found::NoGain { gain: fit.gain, warnings });
+        return Ok(NominalOutcome::NoGain { gain: fit.gain, warnings });
     }
-    warnings.extend(plausibility::of_fit(nominal, &fit, options.fit.max_delay_s));
+    warnings.extend(plausibility::check_fit(nominal, &fit, options.fit.max_delay_s));
     // Noise that is taken from unexcited lines has even-order distortion in it, which is much to a good fit.
     let between = |t: &Transformed<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
     if transformed.iter().filter(|t| is_fitted(t)).all(between) {
@@ -203,18 +205,18 @@ fn identify_nominal(
         .map(|t| respond(t, &fit, is_fitted(t), options.smoothing_half_width))
         .collect::<Result<Vec<_>, _>>()?;
     let fitted: Vec<&Spectrum> = responses.iter().filter(|r| r.used_in_fit).map(|r| &r.spectrum).collect();
-    let distortion = Distortion::of(&fitted);
+    let distortion = Distortion::from_spectra(&fitted);
     if let Some(level) = distortion.and_then(|distortion| distortion.strong()) {
         warnings.push(IdentifyWarning::StronglyNonlinear { nominal, level_db: level.relative_db });
     }
-    let robust = RobustResponse::of(&fitted);
+    let robust = RobustResponse::from_spectra(&fitted);
     let squares = group
         .iter()
         .map(|(record, _)| *record)
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
         .map(|record| run_square(experiment, record, &fit))
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(Found::Lag(Box::new(NominalIdentification {
+    Ok(NominalOutcome::Lag(Box::new(NominalIdentification {
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,

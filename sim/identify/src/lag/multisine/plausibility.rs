@@ -12,7 +12,7 @@ use crate::error::{IdentifyError, with_advice};
 use crate::estimate::Estimate;
 use crate::estimate::MAX_RELATIVE_STD;
 use crate::lag::first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
-use crate::rows::clipping::Limit;
+use crate::rows::clipping::ClippingLimit;
 use crate::rows::spikes::without_spikes;
 use crate::spectra::Spectrum;
 
@@ -41,7 +41,7 @@ const LONGEST_DELAY_S: f64 = 1.0;
 const EXPLAINS: f64 = 0.5;
 
 /// What the response's rows say against it; `limits` are those that it stands on.
-pub(crate) fn of_rows(record: &Record, response: &[f64], limits: &[Limit]) -> Vec<IdentifyWarning> {
+pub(crate) fn check_rows(record: &Record, response: &[f64], limits: &[ClippingLimit]) -> Vec<IdentifyWarning> {
     let file = || record.file.clone();
     let mut found = Vec::new();
     let spikes = jumps(response);
@@ -88,7 +88,7 @@ fn jumps(response: &[f64]) -> Vec<usize> {
 const FROZEN_TIMES_NEXT: usize = 3;
 
 /// The longest run of equal readings, its first row and how many rows, where the sensor has stopped.
-fn frozen(response: &[f64], limits: &[Limit]) -> Option<(usize, usize)> {
+fn frozen(response: &[f64], limits: &[ClippingLimit]) -> Option<(usize, usize)> {
     let mut lengths = Vec::new();
     let mut longest = (0, 0);
     let mut first = 0;
@@ -126,7 +126,7 @@ pub(crate) fn refusal(nominal: f64, gain: Estimate, warnings: &[IdentifyWarning]
 }
 
 /// What a fit says against itself; `limit_s` is the longest dead time that was looked for at first.
-pub(crate) fn of_fit(nominal: f64, fit: &FirstOrderFit, limit_s: f64) -> Vec<IdentifyWarning> {
+pub(crate) fn check_fit(nominal: f64, fit: &FirstOrderFit, limit_s: f64) -> Vec<IdentifyWarning> {
     let mut found = Vec::new();
     if let Some(delay) = fit.delay_s.filter(|delay| delay.value > limit_s) {
         found.push(IdentifyWarning::DelayBeyondSearch { nominal, delay_s: delay.value, limit_s });
@@ -208,7 +208,7 @@ mod tests {
             y[2503..].fill(wave(resolution)[2503]);
             let (first, rows) = frozen(&y, &[]).unwrap();
             assert!((first, rows) == (2503, 1497) || first < 2503 && rows > 1497, "{first} {rows}");
-            assert_eq!(frozen(&y, &[Limit { at: y[2503], rows }]), None, "a limit is named as such");
+            assert_eq!(frozen(&y, &[ClippingLimit { at: y[2503], rows }]), None, "a limit is named as such");
         }
         assert_eq!(frozen(&[], &[]), None);
     }

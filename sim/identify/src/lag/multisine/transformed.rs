@@ -11,7 +11,7 @@ use crate::frequency_response::hold::HoldChain;
 use crate::lag::first_order::{FirstOrderFit, FitLine};
 use crate::lag::multisine::feedback::FeedbackTest;
 use crate::rows::clipping;
-use crate::rows::clipping::Limit;
+use crate::rows::clipping::ClippingLimit;
 use crate::spectra::{NoiseSource, Spectrum};
 
 /// A multisine record on its way to a [`super::RecordResponse`].
@@ -40,7 +40,7 @@ pub(super) fn behind_holds<'a>(
     options: &PeriodicOptions<'_>,
     warnings: &mut Vec<IdentifyWarning>,
 ) -> Result<Transformed<'a>, IdentifyError> {
-    let holds = holds_of(experiment, spectrum.row_rate_hz)?;
+    let holds = hold_chain(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
     if let Some(shorter) = repeats(&spectrum) {
         let period_s = spectrum.period_s;
@@ -137,18 +137,18 @@ pub(super) fn suspicions(
     let of_command = clipping::limits(esc_command).into_iter().map(|limit| ("esc_command", limit));
     let mut found: Vec<IdentifyWarning> = of_response
         .chain(of_command)
-        .map(|(column, Limit { at, rows })| IdentifyWarning::Saturated { file: file(), column, rows, at })
+        .map(|(column, ClippingLimit { at, rows })| IdentifyWarning::Saturated { file: file(), column, rows, at })
         .collect();
     // A record that stays on disk has no rows here.
     if !response.is_empty() {
-        found.extend(plausibility::of_rows(record, response, &limits));
+        found.extend(plausibility::check_rows(record, response, &limits));
         found.extend(plausibility::other_nominal(record, spectrum));
     }
     let length = (spectrum.period_s * spectrum.row_rate_hz).round() as usize;
     let first = spectrum.rows_left_out + length * spectrum.transient.dropped;
     let command = if record.compensated { esc_command } else { &record.command };
     if let (Some(command), Some(response)) = (command.get(first..), response.get(first..))
-        && let Some(test) = FeedbackTest::of(command, response, length, 1.0 / spectrum.row_rate_hz, &fit.lag())
+        && let Some(test) = FeedbackTest::run(command, response, length, 1.0 / spectrum.row_rate_hz, &fit.lag())
         && test.p_value < MODEL_LEVEL
     {
         let FeedbackTest { scatter_percent, p_value } = test;
@@ -157,6 +157,6 @@ pub(super) fn suspicions(
     found
 }
 
-fn holds_of(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {
+fn hold_chain(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {
     HoldChain::new(row_rate_hz, experiment.command_rate_hz, experiment.esc_frame_hz)
 }

@@ -28,7 +28,7 @@ use crate::estimate::Estimate;
 
 /// A time constant as a step says it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reading {
+pub(super) struct StepTimeConstant {
     pub(super) command: f64,
     pub(super) direction: Direction,
     pub(super) log_tau: f64,
@@ -80,7 +80,7 @@ const BISECTIONS: usize = 24;
 
 impl TimeConstantCurve {
     /// The curve through some readings; which of them contradict the others comes with it. `None` without any.
-    pub(super) fn of(readings: &[Reading], covariance: &DMatrix<f64>) -> Option<(Self, Vec<(usize, f64)>)> {
+    pub(super) fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>) -> Option<(Self, Vec<(usize, f64)>)> {
         let mut used: Vec<usize> = (0..readings.len()).collect();
         let mut left_out = Vec::new();
         let most = (MOST_LEFT_OUT * readings.len() as f64) as usize;
@@ -183,7 +183,7 @@ fn row_toward(command: f64, direction: Direction) -> Coefficients {
 }
 
 /// The reading that is farthest from what the others say, where that is too far: its place in `used`, and its ratio to them.
-fn farthest(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> Option<(usize, f64)> {
+fn farthest(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize]) -> Option<(usize, f64)> {
     let mut worst: Option<(usize, f64, f64)> = None;
     for place in 0..used.len() {
         let mut others = used.to_vec();
@@ -203,7 +203,7 @@ fn farthest(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> 
 }
 
 /// Generalized least squares with the variance between steps. What is known beforehand are further observations.
-fn fit(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> Option<TimeConstantCurve> {
+fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize]) -> Option<TimeConstantCurve> {
     let count = used.len();
     if count == 0 {
         return None;

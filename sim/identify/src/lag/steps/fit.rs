@@ -32,7 +32,7 @@ use rotorlead_numerics::sample::{median, variance};
 use nalgebra::DMatrix;
 
 use super::plateaus::Plateau;
-use super::problem::{At, CURVATURE, DELAY, Linearization, PER_STEP, Problem, Window};
+use super::problem::{CURVATURE, DELAY, Evaluation, Linearization, PER_STEP, StepProblem, Window};
 use super::step::{Step, StepFault, StepLag};
 use super::uncertainty::{correlated, correlation};
 use super::{Run, StepsError};
@@ -74,7 +74,7 @@ pub(super) struct LagFit {
 }
 
 /// The rows of a record.
-pub(super) struct Data<'a> {
+pub(super) struct StepRows<'a> {
     pub(super) name: &'a str,
     pub(super) time_s: &'a [f64],
     /// The response, free of spikes.
@@ -87,7 +87,7 @@ pub(super) struct Data<'a> {
 ///
 /// Two passes: the first with nearly free onsets and the noise of the settled response; from its
 /// residuals come the noise of the stamps and of each step, model error included, and the spread of the onsets for the second.
-pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f64) -> Result<LagFit, StepsError> {
+pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s: f64) -> Result<LagFit, StepsError> {
     leave_out_the_many(steps);
     let used: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].fault.is_none()).collect();
     let Some(rise_s) = median(used.iter().map(|&k| rise_s(data, &steps[k]))) else {
@@ -117,14 +117,15 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .into_par_iter()
         .map(|steps| {
             first_pass(
-                &Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
+                &StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
                 rise_s,
             )
         })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
-        let problem = Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
+        let problem =
+            StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
         (onset_variance(&problem, rough), steps.len() as f64)
     });
     let (sum, count) =
@@ -147,7 +148,11 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|(steps, rough)| {
-            Fitted::from(&Problem { steps, onset_std_s, curvature, reference, usual_s }, rough.at.parameters, LIMITS)
+            Fitted::from(
+                &StepProblem { steps, onset_std_s, curvature, reference, usual_s },
+                rough.at.parameters,
+                LIMITS,
+            )
         })
         .map(|fitted| fitted.filter(|fitted| fitted.converged))
         .collect::<Option<_>>()
@@ -164,7 +169,7 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
     for (batch, (problem, fitted)) in windows
         .chunks(batches)
-        .map(|steps| Problem { steps, onset_std_s, curvature, reference, usual_s })
+        .map(|steps| StepProblem { steps, onset_std_s, curvature, reference, usual_s })
         .zip(&fits)
         .enumerate()
     {
@@ -176,17 +181,17 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         curvatures.push(Estimate::normal(p[CURVATURE], std(CURVATURE)));
         for (i, &step) in own.iter().enumerate() {
             for (j, &other) in own.iter().enumerate() {
-                let (a, b) = (Problem::time_constant(i), Problem::time_constant(j));
+                let (a, b) = (StepProblem::time_constant(i), StepProblem::time_constant(j));
                 let unknown = if i == j { f64::INFINITY } else { 0.0 };
                 result.covariance[(step, other)] = covariance.as_ref().map_or(unknown, |c| c[(a, b)]);
             }
-            let tau_s = p[Problem::time_constant(i)].exp();
+            let tau_s = p[StepProblem::time_constant(i)].exp();
             let window = &problem.steps[i];
             steps[used[step]].lag = Some(StepLag {
-                time_constant_s: Estimate::normal(tau_s, tau_s * std(Problem::time_constant(i))),
-                delay_s: p[DELAY] + p[Problem::onset(i)],
-                after: window.after * p[Problem::level(i)],
-                before: window.before * p[Problem::level_before(i)],
+                time_constant_s: Estimate::normal(tau_s, tau_s * std(StepProblem::time_constant(i))),
+                delay_s: p[DELAY] + p[StepProblem::onset(i)],
+                after: window.after * p[StepProblem::level(i)],
+                before: window.before * p[StepProblem::level_before(i)],
                 fit_percent: percent(window, &problem, i, p),
                 bend: p[CURVATURE] / reference / usual_s * tau_s,
             });
@@ -218,13 +223,13 @@ struct Limits {
 
 /// A batch of steps as fitted.
 struct Fitted {
-    at: At,
+    at: Evaluation,
     linearization: Linearization,
     converged: bool,
 }
 
 impl Fitted {
-    fn from(problem: &Problem<'_>, start: Vec<f64>, limits: Limits) -> Option<Self> {
+    fn from(problem: &StepProblem<'_>, start: Vec<f64>, limits: Limits) -> Option<Self> {
         let strategy = Strategy {
             iterations: limits.iterations,
             decrease: Decrease::Relative(limits.decrease),
@@ -236,7 +241,7 @@ impl Fitted {
     }
 
     /// Covariance of the parameters when the noise has a color (the sandwich, Ljung, section 9.4).
-    fn covariance(&self, problem: &Problem<'_>, correlation: &[f64]) -> Option<DMatrix<f64>> {
+    fn covariance(&self, problem: &StepProblem<'_>, correlation: &[f64]) -> Option<DMatrix<f64>> {
         let unit = scaled_inverse(&self.linearization.matrix, 0.0)?;
         let blocks = self.linearization.blocks.iter().zip(problem.steps);
         let filling =
@@ -245,7 +250,7 @@ impl Fitted {
     }
 }
 
-fn first_pass(problem: &Problem<'_>, rise_s: f64) -> Option<Fitted> {
+fn first_pass(problem: &StepProblem<'_>, rise_s: f64) -> Option<Fitted> {
     let mut best: Option<Fitted> = None;
     // The delay's basin is about a time constant wide, so start within and beyond it.
     for share in [0.0, 0.4, 0.8] {
@@ -297,7 +302,7 @@ fn reasons(steps: &[Step]) -> String {
 }
 
 /// Time from the command to 63 % of the step, seconds.
-fn rise_s(data: &Data<'_>, step: &Step) -> f64 {
+fn rise_s(data: &StepRows<'_>, step: &Step) -> f64 {
     let target = step.before + (1.0 - (-1.0f64).exp()) * (step.after - step.before);
     let rising = step.after > step.before;
     let risen = (step.row..step.window.end).find(|&i| (data.y[i] > target) == rising).unwrap_or(step.row);
@@ -305,14 +310,14 @@ fn rise_s(data: &Data<'_>, step: &Step) -> f64 {
 }
 
 /// The smallest change from one reading to the next that is one: a sensor's resolution, where it has a coarse one.
-fn quantum(data: &Data<'_>, runs: &[Run]) -> f64 {
+fn quantum(data: &StepRows<'_>, runs: &[Run]) -> f64 {
     let changes = runs.iter().flat_map(|run| data.y[run.rows()].windows(2)).map(|pair| (pair[1] - pair[0]).abs());
     let least = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
     if least.is_finite() { least } else { 0.0 }
 }
 
 fn window<'p>(
-    data: &Data<'_>,
+    data: &StepRows<'_>,
     mut plateaus: impl Iterator<Item = &'p Plateau>,
     step: &Step,
     after_gaps: &[usize],
@@ -334,11 +339,11 @@ fn window<'p>(
 }
 
 /// Variance of the onsets beyond what their own uncertainty explains (moments).
-fn onset_variance(problem: &Problem<'_>, rough: &Fitted) -> f64 {
+fn onset_variance(problem: &StepProblem<'_>, rough: &Fitted) -> f64 {
     let steps = problem.steps.len();
-    let onsets: Vec<f64> = (0..steps).map(|k| rough.at.parameters[Problem::onset(k)]).collect();
+    let onsets: Vec<f64> = (0..steps).map(|k| rough.at.parameters[StepProblem::onset(k)]).collect();
     let unit = scaled_inverse(&rough.linearization.matrix, 0.0);
-    let variance_of = |k: usize| unit.as_ref().map_or(0.0, |c| c[(Problem::onset(k), Problem::onset(k))]);
+    let variance_of = |k: usize| unit.as_ref().map_or(0.0, |c| c[(StepProblem::onset(k), StepProblem::onset(k))]);
     // A free onset's variance is that of its step and of the delay it is counted from; the latter, common
     // to all, is what the ties leave: the spread of the ties over the number of steps.
     let common = problem.onset_std_s * problem.onset_std_s / steps as f64;
@@ -355,12 +360,12 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
         let unit = scaled_inverse(&fitted.linearization.matrix, 0.0);
         let own: Vec<Vec<f64>> = {
             let problem =
-                Problem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
+                StepProblem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
             (0..steps.len()).map(|k| problem.slope(k, &fitted.at.parameters, row_s)).collect()
         };
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {
             let (block, residuals) = (&fitted.linearization.blocks[k], &fitted.at.residuals[k]);
-            let places: Vec<usize> = (0..block.ncols()).map(|local| Problem::place(k, local)).collect();
+            let places: Vec<usize> = (0..block.ncols()).map(|local| StepProblem::place(k, local)).collect();
             let local =
                 unit.as_ref().map(|u| DMatrix::from_fn(places.len(), places.len(), |i, j| u[(places[i], places[j])]));
             for row in 0..window.y.len() {
@@ -415,7 +420,7 @@ fn pooled(estimates: &[Estimate]) -> Estimate {
 }
 
 /// % fit over a window about its own mean.
-fn percent(window: &Window, problem: &Problem<'_>, step: usize, p: &[f64]) -> f64 {
+fn percent(window: &Window, problem: &StepProblem<'_>, step: usize, p: &[f64]) -> f64 {
     let mut response = vec![0.0; window.y.len()];
     let _ = problem.response(step, p, &mut response);
     let kept = |row: &usize| window.weight[*row] > 0.0;

@@ -4,7 +4,7 @@ use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
 use super::TimeConstantCurve;
-use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
+use super::plateaus::{Direction, Plateau, PlateauState, SAME_LEVEL};
 use super::step::Step;
 use crate::estimate::Estimate;
 use rotorlead_numerics::sample;
@@ -79,7 +79,7 @@ pub(super) fn levels(
     steps: &[Step],
     curve: Option<&TimeConstantCurve>,
 ) -> (Vec<Level>, Direction) {
-    let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == State::Running;
+    let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == PlateauState::Running;
     let free: Vec<Plateau> = plateaus.iter().filter(is_level).cloned().collect();
     let plateaus = &free;
     let mut levels: Vec<Level> = Vec::new();

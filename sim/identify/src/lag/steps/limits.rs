@@ -14,13 +14,13 @@
 use rotorlead_numerics::sample::median;
 
 use super::plateaus::{Plateau, SAME_LEVEL};
-use crate::rows::clipping::{FEWEST_ROWS, Limit, TIMES_THE_NEXT};
+use crate::rows::clipping::{ClippingLimit, FEWEST_ROWS, TIMES_THE_NEXT};
 
 /// Two commands that settle to the same reading have it in at least this share of their settled rows.
 const MOST: f64 = 0.5;
 
 /// The limits that the response of these plateaus stands on, the upper one first; marks the plateaus that do.
-pub(super) fn mark(plateaus: &mut [Plateau], y: &[f64]) -> Vec<Limit> {
+pub(super) fn mark(plateaus: &mut [Plateau], y: &[f64]) -> Vec<ClippingLimit> {
     let mut rows = plateaus.iter().flat_map(|plateau| plateau.rows.clone());
     let first = rows.next().map(|row| y[row]);
     // A response that never moves is no limit's doing.
@@ -31,7 +31,7 @@ pub(super) fn mark(plateaus: &mut [Plateau], y: &[f64]) -> Vec<Limit> {
 }
 
 /// The upper limit of `sign * y`.
-fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<Limit> {
+fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<ClippingLimit> {
     let all = plateaus.iter().flat_map(|p| p.rows.clone()).map(|row| sign * y[row]);
     let at = sign * all.fold(f64::NEG_INFINITY, f64::max);
     let share = |p: &Plateau| {
@@ -56,7 +56,7 @@ fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<Limit> {
     let limited: Vec<usize> = (0..plateaus.len()).filter(|&k| stands(k)).collect();
     let on_limit = limited.iter().map(|&k| rows(&plateaus[k])).sum();
     limited.iter().for_each(|&k| plateaus[k].limited = true);
-    (!limited.is_empty()).then_some(Limit { at, rows: on_limit })
+    (!limited.is_empty()).then_some(ClippingLimit { at, rows: on_limit })
 }
 
 /// The share of the value that comes up most often.

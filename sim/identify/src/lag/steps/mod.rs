@@ -14,7 +14,7 @@
 //! 6. levels get their static response, slope and time constants (`levels`);
 //! 7. the runs are simulated with that and compared (here).
 //!
-//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`law`, `splits`).
+//! Whether one lag will do, or its time constant depends on speed or direction, is what the diagnosis asks.
 //!
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and a motor with drag is faster on
@@ -26,7 +26,6 @@
 mod curve;
 mod error;
 mod fit;
-mod law;
 mod levels;
 mod limits;
 mod model;
@@ -34,7 +33,6 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
-mod splits;
 mod step;
 mod uncertainty;
 mod warning;
@@ -48,22 +46,20 @@ use serde::{Serialize, Serializer};
 
 pub use curve::TimeConstantCurve;
 pub use error::StepsError;
-pub use law::{LagLaw, LawFit};
 pub use levels::{Branch, Level};
 pub use plateaus::Direction;
-pub use splits::{HeldOut, LawComparison, SPLITS, Split, compare_laws};
 pub use warning::{LeftOut, StepsWarning};
 
 use rotorlead_records::{Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
 use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
-use curve::Reading;
-use fit::{Data, LagFit};
-pub use plateaus::{Plateau, SAME_LEVEL, State};
+use curve::StepTimeConstant;
+use fit::{LagFit, StepRows};
+pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
 use response::{Segment, simulate};
 pub use run::Run;
-pub(crate) use run::plateaus_of;
+pub(crate) use run::find_plateaus;
 pub use step::{Step, StepFault, StepLag};
 
 /// A lag toward a static map, as a staircase shows it.
@@ -138,9 +134,9 @@ impl Serialize for StaircaseFit {
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
     let runs = Run::all(record, output)?;
-    let mut steps = step::steps_of(&record.time_s, &runs);
+    let mut steps = step::find_steps(&record.time_s, &runs);
     let (y, spike) = (runs[0].clean.clone(), runs[0].spike.clone());
-    let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
+    let data = StepRows { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
     let lag = fit::fit(&data, &runs, &mut steps, frame_s).map_err(|error| match (error, limit) {
@@ -152,10 +148,10 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
 
     // Those first that change the answer most.
-    let mut warnings = warnings::of_steps(record, &runs, &steps);
+    let mut warnings = warnings::check_steps(record, &runs, &steps);
     warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
-    warnings.extend(warnings::of_fit(&levels, &lag, curve.as_ref()));
-    warnings.extend(warnings::of_runs(record, output, &runs));
+    warnings.extend(warnings::check_fit(&levels, &lag, curve.as_ref()));
+    warnings.extend(warnings::check_runs(record, output, &runs));
 
     let common = |plateau: &Plateau, _: Option<&StepLag>| {
         // A limit is no level of the motor, but all that is known there.
@@ -163,11 +159,11 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         (level, lag.delay_s.value)
     };
     let own = |plateau: &Plateau, step: Option<&StepLag>| {
-        let level = if plateau.state == State::Short { common(plateau, None).0 } else { plateau.mean };
+        let level = if plateau.state == PlateauState::Short { common(plateau, None).0 } else { plateau.mean };
         step.map_or((level, lag.delay_s.value), |step| (step.after, step.delay_s))
     };
     let simulate = |level: &LevelAndDelay<'_>| -> Vec<f64> {
-        let run = |run: &Run| response_of(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
+        let run = |run: &Run| simulate_run(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
         runs.iter().flat_map(run).collect()
     };
     let simulated = simulate(&common);
@@ -225,11 +221,11 @@ fn join(steps: &mut [Step], lag: &LagFit) -> Option<TimeConstantCurve> {
     let reading = |&place: &usize| {
         let step = &steps[fitted[place]];
         let log_tau = step.lag.map_or(f64::NAN, |lag| lag.time_constant_s.value.ln());
-        Reading { command: step.to, direction: step.direction(), log_tau }
+        StepTimeConstant { command: step.to, direction: step.direction(), log_tau }
     };
-    let readings: Vec<Reading> = known.iter().map(reading).collect();
+    let readings: Vec<StepTimeConstant> = known.iter().map(reading).collect();
     let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| lag.covariance[(known[i], known[j])]);
-    let (curve, left_out) = TimeConstantCurve::of(&readings, &covariance)?;
+    let (curve, left_out) = TimeConstantCurve::fit(&readings, &covariance)?;
     for (place, ratio) in left_out {
         steps[fitted[known[place]]].fault = Some(StepFault::Contradicts { ratio });
     }
@@ -276,7 +272,7 @@ fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
 type LevelAndDelay<'a> = dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64) + 'a;
 
 /// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
-fn response_of(
+fn simulate_run(
     run: &Run,
     time_s: &[f64],
     steps: &[Step],

@@ -36,7 +36,7 @@ pub enum Direction {
 
 /// What the response does on a plateau.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum PlateauState {
     /// The motor runs steadily.
     Running,
     /// The response is steady, and not above that of a motor that stands still or idles.
@@ -63,7 +63,7 @@ pub struct Plateau {
     /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
     pub mean_std: f64,
     /// Whether its response settled.
-    pub state: State,
+    pub state: PlateauState,
     /// Whether the response stands on a limit there: it is then no response of the motor.
     pub limited: bool,
 }
@@ -110,7 +110,7 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
 
 /// All segments of constant command, long or short, in order.
 ///
-/// A plateau is [`State::Running`] when it is long enough to settle, its settled mean is above a share of the
+/// A plateau is [`PlateauState::Running`] when it is long enough to settle, its settled mean is above a share of the
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
 /// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
 /// fell out of step.
@@ -130,10 +130,10 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
         p.state = match p.std <= bound {
-            _ if !long(p) => State::Short,
-            true if p.mean > floor => State::Running,
-            true => State::Idle,
-            false => State::NotSteady,
+            _ if !long(p) => PlateauState::Short,
+            true if p.mean > floor => PlateauState::Running,
+            true => PlateauState::Idle,
+            false => PlateauState::NotSteady,
         };
     }
     plateaus
@@ -151,9 +151,9 @@ fn standing_share(output: Output) -> f64 {
 /// The lowest plateau of a response that is not counted from its own zero: one that follows the command where a motor
 /// that stands still would read the same at every command.
 pub(super) fn below_zero(plateaus: &[Plateau]) -> Option<&Plateau> {
-    let is_steady = |p: &&Plateau| matches!(p.state, State::Running | State::Idle);
+    let is_steady = |p: &&Plateau| matches!(p.state, PlateauState::Running | PlateauState::Idle);
     let largest = plateaus.iter().filter(is_steady).map(|p| p.mean.abs()).fold(0.0, f64::max);
-    let standing = || plateaus.iter().filter(|p| p.state == State::Idle);
+    let standing = || plateaus.iter().filter(|p| p.state == PlateauState::Idle);
     let lowest = standing().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
     let follows = |p: &Plateau| {
         let apart = p.mean - lowest.mean;
@@ -172,7 +172,7 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
         mean: 0.0,
         std: 0.0,
         mean_std: 0.0,
-        state: State::NotSteady,
+        state: PlateauState::NotSteady,
         limited: false,
     };
     let settled = &y[plateau.settled()];
@@ -192,16 +192,16 @@ pub(super) fn runs(plateaus: &[Plateau]) -> Vec<Range<usize>> {
     let mut is_open = false;
     for (k, plateau) in plateaus.iter().enumerate() {
         match (plateau.state, runs.last_mut()) {
-            (State::Running, Some(run)) if is_open => run.end = k + 1,
-            (State::Running, _) => {
+            (PlateauState::Running, Some(run)) if is_open => run.end = k + 1,
+            (PlateauState::Running, _) => {
                 runs.push(k..k + 1);
                 is_open = true;
             }
-            (State::Short, _) => {}
-            (State::Idle | State::NotSteady, _) => is_open = false,
+            (PlateauState::Short, _) => {}
+            (PlateauState::Idle | PlateauState::NotSteady, _) => is_open = false,
         }
     }
-    runs.retain(|run| plateaus[run.clone()].iter().filter(|p| p.state == State::Running).count() > 1);
+    runs.retain(|run| plateaus[run.clone()].iter().filter(|p| p.state == PlateauState::Running).count() > 1);
     runs
 }
 

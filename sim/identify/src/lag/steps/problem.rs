@@ -40,7 +40,7 @@ pub(super) const PER_STEP: usize = 4;
 const LOCAL: usize = SHARED + PER_STEP;
 
 /// The residuals of some steps as a function of the parameters.
-pub(super) struct Problem<'a> {
+pub(super) struct StepProblem<'a> {
     pub(super) steps: &'a [Window],
     /// Standard deviation by which onsets are tied to zero, seconds.
     pub(super) onset_std_s: f64,
@@ -52,7 +52,7 @@ pub(super) struct Problem<'a> {
 }
 
 /// The parameters and what they leave.
-pub(super) struct At {
+pub(super) struct Evaluation {
     pub(super) parameters: Vec<f64>,
     /// Of each step, in units of its noise.
     pub(super) residuals: Vec<Vec<f64>>,
@@ -65,7 +65,7 @@ pub(super) struct Linearization {
     pub(super) matrix: DMatrix<f64>,
 }
 
-impl Problem<'_> {
+impl StepProblem<'_> {
     pub(super) fn level(step: usize) -> usize {
         SHARED + PER_STEP * step
     }
@@ -135,7 +135,7 @@ impl Problem<'_> {
     }
 
     /// The point of these parameters; `None` where they have no response.
-    pub(super) fn at(&self, parameters: Vec<f64>) -> Option<At> {
+    pub(super) fn at(&self, parameters: Vec<f64>) -> Option<Evaluation> {
         let mut residuals: Vec<Vec<f64>> = self.steps.iter().map(|step| vec![0.0; step.y.len()]).collect();
         let mut ok = true;
         for (step, out) in residuals.iter_mut().enumerate() {
@@ -143,7 +143,7 @@ impl Problem<'_> {
         }
         let of_rows = residuals.iter().flatten().map(|r| r * r).sum::<f64>();
         let ties = self.ties().map(|(at, mean, std)| ((parameters[at] - mean) / std).powi(2)).sum::<f64>();
-        ok.then_some(At { parameters, residuals, sum: of_rows + ties })
+        ok.then_some(Evaluation { parameters, residuals, sum: of_rows + ties })
     }
 
     /// The parameters of which something is known beforehand: each with mean and standard deviation.
@@ -175,12 +175,12 @@ impl Problem<'_> {
     }
 }
 
-impl NormalEquations for Problem<'_> {
-    type Point = At;
+impl NormalEquations for StepProblem<'_> {
+    type Point = Evaluation;
     type Linearization = Linearization;
 
     /// Central differences of each step by what it depends on.
-    fn linearize(&self, at: &mut At) -> Option<Linearization> {
+    fn linearize(&self, at: &mut Evaluation) -> Option<Linearization> {
         let mut p = at.parameters.clone();
         let mut blocks = Vec::with_capacity(self.steps.len());
         for (k, step) in self.steps.iter().enumerate() {
@@ -212,15 +212,15 @@ impl NormalEquations for Problem<'_> {
         &linearization.matrix
     }
 
-    fn moved(&self, from: &At, step: &DVector<f64>, _: &Linearization) -> Option<At> {
+    fn moved(&self, from: &Evaluation, step: &DVector<f64>, _: &Linearization) -> Option<Evaluation> {
         self.at(from.parameters.iter().zip(step.iter()).map(|(at, step)| at + step).collect())
     }
 
-    fn sum_of_squares(&self, at: &At) -> f64 {
+    fn sum_of_squares(&self, at: &Evaluation) -> f64 {
         at.sum
     }
 
-    fn gradient(&self, at: &At, linearization: &Linearization) -> DVector<f64> {
+    fn gradient(&self, at: &Evaluation, linearization: &Linearization) -> DVector<f64> {
         let mut gradient = DVector::zeros(self.count());
         for (step, (block, residuals)) in linearization.blocks.iter().zip(&at.residuals).enumerate() {
             let local = block.tr_mul(&DVector::from_column_slice(residuals));

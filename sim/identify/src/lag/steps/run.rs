@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use rotorlead_records::{Output, Record};
 
-use super::plateaus::{self, Plateau, State, runs, settled_from};
+use super::plateaus::{self, Plateau, PlateauState, runs, settled_from};
 use super::{StepsError, checked_response, limits, step};
-use crate::rows::clipping::Limit;
+use crate::rows::clipping::ClippingLimit;
 use crate::rows::spikes;
 
 /// Plateaus in a row between which the motor runs; start-up and stopping are cut off.
@@ -20,11 +20,11 @@ pub struct Run {
     /// Two that settle, or more, and those between them that are too short to.
     pub plateaus: Vec<Plateau>,
     /// The limits that the response stands on.
-    pub(super) limits: Vec<Limit>,
+    pub(super) limits: Vec<ClippingLimit>,
 }
 
 /// All segments of constant command of a record, running or not; `clean` is its response without spikes.
-pub fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
+pub fn find_plateaus(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
     plateaus::find(&record.time_s, &record.command, clean, output)
 }
 
@@ -33,7 +33,7 @@ impl Run {
     ///
     /// # Errors
     /// As [`Self::all`].
-    pub fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
+    pub fn longest(record: &Record, output: Output) -> Result<Self, StepsError> {
         let mut runs = Self::all(record, output)?;
         // The first of those that are equally long.
         let longest = (0..runs.len()).rev().max_by_key(|&k| runs[k].plateaus.len()).unwrap_or(0);
@@ -73,8 +73,8 @@ impl Run {
             return Err(StepsError::NotRunning {
                 record: record.file.clone(),
                 long,
-                idle: of_state(State::Idle),
-                not_steady: of_state(State::NotSteady),
+                idle: of_state(PlateauState::Idle),
+                not_steady: of_state(PlateauState::NotSteady),
             });
         }
         Ok(found)
@@ -96,7 +96,7 @@ impl Run {
     /// it has settled. `time_s` are the stamps of the record.
     pub fn rows_that_say_nothing(&self, time_s: &[f64]) -> Vec<bool> {
         let run = std::slice::from_ref(self);
-        step::rows_that_say_nothing(&self.spike, run, &step::steps_of(time_s, run))
+        step::rows_that_say_nothing(&self.spike, run, &step::find_steps(time_s, run))
     }
 
     /// Its rows in the record.

@@ -8,7 +8,7 @@ use std::ops::Range;
 use rotorlead_numerics::sample::{mean, median};
 
 use super::Run;
-use super::plateaus::{Direction, Plateau, State};
+use super::plateaus::{Direction, Plateau, PlateauState};
 use super::response::{Segment, value};
 use crate::estimate::Estimate;
 use crate::rows::gaps::rows_after_gaps;
@@ -193,7 +193,7 @@ impl Step {
 }
 
 /// All steps of a record's runs, in time, with a fault where one is seen without a fit.
-pub(super) fn steps_of(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
+pub(super) fn find_steps(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
     let after_gaps = rows_after_gaps(time_s);
     let of_run = |run: &Run| {
         let pairs = run.plateaus.windows(2).enumerate();
@@ -212,7 +212,7 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
     let std = before.mean_std.hypot(to.mean_std);
     let is_gap = |row: &usize| after_gaps.binary_search(row).is_ok();
     let gap_s = |row: usize| time_s[row] - time_s[row - 1];
-    let fault = if before.state == State::Short || to.state == State::Short {
+    let fault = if before.state == PlateauState::Short || to.state == PlateauState::Short {
         Some(StepFault::Short)
     } else if !(run.shows(k) && run.shows(k + 1)) {
         Some(StepFault::Limited)

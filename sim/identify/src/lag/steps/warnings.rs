@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rotorlead_records::{Output, Record};
 
 use super::fit::LagFit;
-use super::plateaus::{Plateau, State};
+use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
 use super::{LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 use crate::rows::gaps::rows_after_gaps;
@@ -18,21 +18,22 @@ const LEAST_CURVATURE: f64 = 0.1;
 const SETTLED_TIME_CONSTANTS: f64 = 5.0;
 
 /// What is odd about the rows.
-pub(super) fn of_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<StepsWarning> {
+pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
-    let all = super::plateaus_of(record, output, &runs[0].clean);
-    let highest = all.iter().filter(|p| p.state == State::Running).map(|p| p.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let all = super::find_plateaus(record, output, &runs[0].clean);
+    let highest =
+        all.iter().filter(|p| p.state == PlateauState::Running).map(|p| p.mean).fold(f64::MIN_POSITIVE, f64::max);
     let mut part = |from: usize, until: usize| {
         if from >= until {
             return;
         }
         let inside = || all.iter().filter(|p| p.rows.start < until && p.rows.end > from);
-        let idle = inside().filter(|p| p.state == State::Idle).map(|p| p.mean / highest).reduce(f64::max);
+        let idle = inside().filter(|p| p.state == PlateauState::Idle).map(|p| p.mean / highest).reduce(f64::max);
         let reason = match idle {
             Some(share) => LeftOut::Idle { share },
-            None if inside().any(|p| p.state == State::NotSteady) => LeftOut::NotSteady,
+            None if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
             // Of the level that a run begins with, what comes before it has settled.
-            None if inside().all(|p| p.state == State::Running) => LeftOut::NotSteady,
+            None if inside().all(|p| p.state == PlateauState::Running) => LeftOut::NotSteady,
             None => LeftOut::Short,
         };
         warnings.push(StepsWarning::PartLeftOut {
@@ -63,7 +64,7 @@ pub(super) fn of_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<Step
 }
 
 /// What is odd about the steps.
-pub(super) fn of_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<StepsWarning> {
+pub(super) fn check_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
     let mut reasons: BTreeMap<&'static str, usize> = BTreeMap::new();
     for fault in steps.iter().filter_map(|step| step.fault) {
@@ -102,7 +103,7 @@ pub(super) fn of_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<Ste
 }
 
 /// What is odd about the levels and the lag.
-pub(super) fn of_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstantCurve>) -> Vec<StepsWarning> {
+pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstantCurve>) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
     if let Some(curve) = curve {
         let count = levels.iter().filter(|level| !curve.holds(level.command)).count();
@@ -138,7 +139,7 @@ pub(super) fn not_settled(
     let (mut slowest_s, mut least) = (0.0_f64, f64::INFINITY);
     let (mut count, mut of) = (0, 0);
     // A plateau that a run begins with begins where it has settled.
-    for plateau in plateaus.iter().filter(|p| p.direction.is_some() && p.state == State::Running) {
+    for plateau in plateaus.iter().filter(|p| p.direction.is_some() && p.state == PlateauState::Running) {
         let at = plateau.command.clamp(curve.range.0, curve.range.1);
         let tau_s = curve.toward(at, plateau.direction?).value;
         let held = (record.time_s[plateau.rows.end - 1] - record.time_s[plateau.rows.start]) / tau_s;

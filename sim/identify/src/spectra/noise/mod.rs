@@ -38,8 +38,8 @@ pub(crate) struct Pooled {
 /// Below `rounding` a variance is the computer's, and no line stands out for it.
 pub(crate) fn pool(sample: &[f64], bins: &[usize], dof: f64, half_width: usize, rounding: f64) -> Pooled {
     let seen: Vec<f64> = sample.iter().map(|s| s.max(rounding)).collect();
-    let stands_out = disturbed::find(&ratios(&seen, &shape::of(&seen, bins, dof, |_| true)), dof);
-    let shape = shape::of(sample, bins, dof, |k| !stands_out[k]);
+    let stands_out = disturbed::find(&ratios(&seen, &shape::fit(&seen, bins, dof, |_| true)), dof);
+    let shape = shape::fit(sample, bins, dof, |k| !stands_out[k]);
     let ratio = ratios(sample, &shape);
     let calm: Vec<usize> = (0..sample.len()).filter(|&k| !stands_out[k]).collect();
     let width = (2 * half_width + 1).min(calm.len());
@@ -61,7 +61,7 @@ const DENSITY_SHIFT_LINES: f64 = 2.0;
 /// The spline follows the mean of a logarithm, which is below the logarithm of the mean by the same everywhere; the mean
 /// ratio to the shape makes up for that.
 pub fn density(power: &[f64], bins: &[usize]) -> Vec<f64> {
-    let stands_out = disturbed::find(&ratios(power, &shape::of(power, bins, 1.0, |_| true)), 1.0);
+    let stands_out = disturbed::find(&ratios(power, &shape::fit(power, bins, 1.0, |_| true)), 1.0);
     let shape = shape::shifted(power, bins, 1.0, DENSITY_SHIFT_LINES, |k| !stands_out[k]);
     let calm = (0..power.len()).filter(|&k| !stands_out[k]);
     let (sum, count) = calm.fold((0.0, 0.0), |(sum, count), k| (sum + power[k] / shape[k], count + 1.0));
@@ -72,7 +72,7 @@ pub fn density(power: &[f64], bins: &[usize]) -> Vec<f64> {
 /// The place of the line that stands out most; arguments as of [`pool`].
 pub(crate) fn strongest(sample: &[f64], bins: &[usize], dof: f64, rounding: f64) -> Option<usize> {
     let seen: Vec<f64> = sample.iter().map(|s| s.max(rounding)).collect();
-    let ratio = ratios(&seen, &shape::of(&seen, bins, dof, |_| true));
+    let ratio = ratios(&seen, &shape::fit(&seen, bins, dof, |_| true));
     let stands_out = disturbed::all(&ratio, dof);
     (0..ratio.len()).filter(|&k| stands_out[k]).max_by(|&a, &b| ratio[a].total_cmp(&ratio[b]))
 }

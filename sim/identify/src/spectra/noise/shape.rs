@@ -29,7 +29,7 @@ const STIFFNESS_STEPS: u32 = 16;
 
 /// The shape at each of `bins` from the `sample` variances, of `dof` complex degrees of freedom each, of the lines that
 /// `counts`.
-pub(super) fn of(sample: &[f64], bins: &[usize], dof: f64, counts: impl Fn(usize) -> bool) -> Vec<f64> {
+pub(super) fn fit(sample: &[f64], bins: &[usize], dof: f64, counts: impl Fn(usize) -> bool) -> Vec<f64> {
     shifted(sample, bins, dof, SHIFT_LINES, counts)
 }
 
@@ -180,7 +180,7 @@ mod tests {
             let mut mean_square = vec![0.0; bins.len()];
             for _ in 0..runs {
                 let sample: Vec<f64> = truth.iter().map(|t| t * gamma.sample(&mut rng)).collect();
-                let shape = of(&sample, &bins, 3.0, |_| true);
+                let shape = fit(&sample, &bins, 3.0, |_| true);
                 // The scale is the pool's business.
                 let off: Vec<f64> = shape.iter().zip(&truth).map(|(s, t)| (s / t).ln()).collect();
                 let scale = mean(&off);

@@ -7,14 +7,14 @@ use crate::frequency_response::FrequencyResponse;
 
 /// Checked lines.
 #[derive(Clone, Debug)]
-pub(super) struct Data {
+pub(super) struct WeightedLines {
     pub(super) omega_rad_s: Vec<f64>,
     pub(super) response: Vec<Complex64>,
     /// One over the noise's standard deviation.
     pub(super) weight: Vec<f64>,
 }
 
-impl Data {
+impl WeightedLines {
     /// Checks `response`.
     pub(super) fn new(response: &FrequencyResponse) -> Result<Self, ParametricError> {
         // Below three, weights from the samples have no finite variance (Pintelon & Schoukens, 2012, section 12.3).

@@ -30,7 +30,7 @@ mod zeros_and_poles;
 use nalgebra::DVector;
 use num_complex::Complex64;
 
-use self::data::Data;
+use self::data::WeightedLines;
 use self::sections::Sections;
 use crate::estimate::Estimate;
 use crate::estimate::uncertainty::{NoiseKnowledge, Uncertainty};
@@ -109,12 +109,12 @@ impl ParametricFit {
 /// found.
 pub fn fit_parametric(response: &FrequencyResponse, structure: Structure) -> Result<ParametricFit, ParametricError> {
     structure.check(response.lines.len())?;
-    fit(&Data::new(response)?, structure, response.noise_knowledge())
+    fit(&WeightedLines::new(response)?, structure, response.noise_knowledge())
 }
 
-fn fit(data: &Data, structure: Structure, noise: NoiseKnowledge) -> Result<ParametricFit, ParametricError> {
-    let search::Found { sections, solution } = search::search(data, structure)?;
-    let residual = ResidualTests::of(data, &solution, &noise);
+fn fit(data: &WeightedLines, structure: Structure, noise: NoiseKnowledge) -> Result<ParametricFit, ParametricError> {
+    let search::BestFit { sections, solution } = search::search(data, structure)?;
+    let residual = ResidualTests::compute(data, &solution, &noise);
     let unit = solution.unit_covariance.ok_or(ParametricError::NoFit {
         poles: structure.poles,
         zeros: structure.zeros,
@@ -133,7 +133,7 @@ fn fit(data: &Data, structure: Structure, noise: NoiseKnowledge) -> Result<Param
             poles: sections.poles(&parameters),
             zeros: sections.zeros(&parameters),
         },
-        gain: uncertainty.of_parameter(parameters[0], 0),
+        gain: uncertainty.parameter(parameters[0], 0),
         poles: by_frequency(sections.placed_poles().flat_map(|p| root::roots(p, &parameters, &uncertainty)).collect()),
         zeros: by_frequency(sections.placed_zeros().flat_map(|p| root::roots(p, &parameters, &uncertainty)).collect()),
         residual,

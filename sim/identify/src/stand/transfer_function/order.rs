@@ -14,7 +14,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::data::Data;
+use super::data::WeightedLines;
 use super::{MOST_POLES, ParametricError, ParametricFit, Structure, fit, search};
 use crate::estimate::uncertainty::NoiseKnowledge;
 use crate::frequency_response::FrequencyResponse;
@@ -50,7 +50,7 @@ pub fn select_order(
     if poles.is_empty() || *poles.start() < 1 || *poles.end() > MOST_POLES {
         return Err(ParametricError::Structure { poles: *poles.end(), zeros: 0, most: MOST_POLES });
     }
-    let data = Data::new(response)?;
+    let data = WeightedLines::new(response)?;
     let noise = response.noise_knowledge();
     let mut trials = Trials { halves: [data.half(0), data.half(1)], noise, scores: Vec::new() };
     for poles in poles {
@@ -76,7 +76,7 @@ pub fn select_order(
 
 /// The structures tried so far.
 struct Trials {
-    halves: [Data; 2],
+    halves: [WeightedLines; 2],
     noise: NoiseKnowledge,
     scores: Vec<OrderScore>,
 }
@@ -103,7 +103,7 @@ impl Trials {
     }
 
     /// Chi-square of the lines `to` about the fit to the lines `from`.
-    fn predict(&self, structure: Structure, from: &Data, to: &Data) -> Option<f64> {
+    fn predict(&self, structure: Structure, from: &WeightedLines, to: &WeightedLines) -> Option<f64> {
         let found = search::search(from, structure).ok()?;
         let chi_square = (0..to.len()).map(|k| {
             let model = found.sections.response(&found.solution.parameters, to.omega_rad_s[k]);

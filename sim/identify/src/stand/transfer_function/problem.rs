@@ -4,19 +4,19 @@ use nalgebra::DMatrix;
 use num_complex::Complex64;
 use rotorlead_numerics::least_squares::Residuals;
 
-use super::data::Data;
+use super::data::WeightedLines;
 use super::sections::Sections;
 
 /// Real and imaginary parts of `(model - measured) / sigma`, scaled to unit variance each. Poles stay in the left half plane.
-pub(super) struct Problem<'a> {
-    pub(super) data: &'a Data,
+pub(super) struct SectionsProblem<'a> {
+    pub(super) data: &'a WeightedLines,
     pub(super) sections: &'a Sections,
 }
 
 /// Half of the variance is in each part.
 const PART: f64 = std::f64::consts::SQRT_2;
 
-impl Residuals for Problem<'_> {
+impl Residuals for SectionsProblem<'_> {
     fn count(&self) -> usize {
         2 * self.data.len()
     }

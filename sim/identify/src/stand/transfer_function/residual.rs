@@ -15,7 +15,7 @@ use num_complex::Complex64;
 use rotorlead_numerics::least_squares::Solution;
 use rotorlead_numerics::statistics::f_upper_tail;
 
-use super::data::Data;
+use super::data::WeightedLines;
 use crate::estimate::uncertainty::NoiseKnowledge;
 
 /// Neighbors of the whiteness test, and lags of the independence test.
@@ -39,7 +39,7 @@ pub struct ResidualTests {
 }
 
 impl ResidualTests {
-    pub(super) fn of(data: &Data, solution: &Solution, noise: &NoiseKnowledge) -> Self {
+    pub(super) fn compute(data: &WeightedLines, solution: &Solution, noise: &NoiseKnowledge) -> Self {
         let degrees_of_freedom = (2 * data.len() - solution.parameters.len()) as f64;
         let inflation = noise.residual_inflation();
         let reduced_chi_square = solution.sum_of_squares / degrees_of_freedom / inflation;
@@ -74,7 +74,7 @@ fn whiteness(residuals: &[f64], product_inflation: f64) -> f64 {
     f_upper_tail(chi_square / dof / product_inflation, dof, f64::INFINITY)
 }
 
-fn input_independence(data: &Data, solution: &Solution, inflation: f64, total_dof: f64) -> f64 {
+fn input_independence(data: &WeightedLines, solution: &Solution, inflation: f64, total_dof: f64) -> f64 {
     let Some(covariance) = &solution.unit_covariance else { return 1.0 };
     // Lags half a period of the top line apart: closer ones show nothing more.
     let step = std::f64::consts::PI / data.top_rad_s();

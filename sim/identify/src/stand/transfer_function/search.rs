@@ -4,8 +4,8 @@ use num_complex::Complex64;
 use rotorlead_numerics::least_squares::{Limits, Solution, minimize};
 
 use super::ParametricError;
-use super::data::Data;
-use super::problem::Problem;
+use super::data::WeightedLines;
+use super::problem::SectionsProblem;
 use super::sections::{Sections, group};
 use super::start::{Start, start};
 use super::structure::Structure;
@@ -19,26 +19,26 @@ const REACH: f64 = 1e3;
 
 /// The best model found.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct BestFit {
     pub(super) sections: Sections,
     pub(super) solution: Solution,
 }
 
 /// Searches from the start of the linear method, with its unstable poles reflected into the left half plane, and again wherever real
 /// roots have come to share sections with others than their neighbors.
-pub(super) fn search(data: &Data, structure: Structure) -> Result<Found, ParametricError> {
+pub(super) fn search(data: &WeightedLines, structure: Structure) -> Result<BestFit, ParametricError> {
     let failed = |reason| ParametricError::NoFit { poles: structure.poles, zeros: structure.zeros, reason };
     let start = start(data, structure).ok_or_else(|| failed("the linear method finds no start"))?;
     from(data, &start).ok_or_else(|| failed("the search does not settle"))
 }
 
-fn from(data: &Data, start: &Start) -> Option<Found> {
+fn from(data: &WeightedLines, start: &Start) -> Option<BestFit> {
     let range = (data.omega_rad_s[0] / REACH, data.top_rad_s() * REACH);
-    let run = |gain: f64, poles: &[Complex64], zeros: &[Complex64]| -> Option<Found> {
+    let run = |gain: f64, poles: &[Complex64], zeros: &[Complex64]| -> Option<BestFit> {
         let (sections, mut parameters) = Sections::from_roots(gain, poles, zeros, range);
         parameters[0] = best_gain(data, &sections, &parameters)?;
-        let solution = minimize(&Problem { data, sections: &sections }, &parameters, LIMITS)?;
-        solution.converged.then_some(Found { sections, solution })
+        let solution = minimize(&SectionsProblem { data, sections: &sections }, &parameters, LIMITS)?;
+        solution.converged.then_some(BestFit { sections, solution })
     };
     let stable: Vec<Complex64> = start.poles.iter().map(|pole| Complex64::new(-pole.re.abs(), pole.im)).collect();
     let mut found = run(start.gain, &stable, &start.zeros)?;
@@ -72,7 +72,7 @@ fn from(data: &Data, start: &Start) -> Option<Found> {
 }
 
 /// The gain of least chi-square with everything else as it is.
-fn best_gain(data: &Data, sections: &Sections, parameters: &[f64]) -> Option<f64> {
+fn best_gain(data: &WeightedLines, sections: &Sections, parameters: &[f64]) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for k in 0..data.len() {
         let model = sections.response(parameters, data.omega_rad_s[k]);

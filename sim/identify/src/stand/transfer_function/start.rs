@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, SVD};
 use num_complex::Complex64;
 
 use super::basis::Basis;
-use super::data::Data;
+use super::data::WeightedLines;
 use super::structure::Structure;
 
 /// Passes of the linear problem. It settles in three to eight.
@@ -33,7 +33,7 @@ pub(super) struct Start {
 }
 
 /// The best of all passes.
-pub(super) fn start(data: &Data, structure: Structure) -> Option<Start> {
+pub(super) fn start(data: &WeightedLines, structure: Structure) -> Option<Start> {
     // Frequencies near one keep the matrices of the roots balanced.
     let unit = data.top_rad_s();
     let omega: Vec<f64> = data.omega_rad_s.iter().map(|w| w / unit).collect();
@@ -73,7 +73,7 @@ struct Pass {
 }
 
 impl Pass {
-    fn solve(data: &Data, omega: &[f64], last: &[f64], structure: Structure) -> Option<Self> {
+    fn solve(data: &WeightedLines, omega: &[f64], last: &[f64], structure: Structure) -> Option<Self> {
         let lines = data.len();
         let scale: Vec<f64> = data.weight.iter().zip(last).map(|(w, d)| w / d).collect();
         let measure: Vec<f64> = scale.iter().map(|s| s * s).collect();
@@ -111,7 +111,7 @@ impl Pass {
     }
 
     /// The solution as roots, with its chi-square. Frequencies are in units of `unit`.
-    fn start(&self, data: &Data, unit: f64) -> Option<Start> {
+    fn start(&self, data: &WeightedLines, unit: f64) -> Option<Start> {
         let cost: f64 = (0..data.len())
             .map(|k| {
                 let model = self.numerator_values[k] / self.denominator_values[k];

@@ -9,11 +9,11 @@ use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
 
 use crate::goodness_of_fit::power_over_noise;
-use crate::spectra::Line;
+use crate::spectra::SpectralLine;
 
 /// What a model leaves of a record, beside its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeftOver {
+pub struct ResidualPower {
     /// Power of what is left over that of the noise; about 1 for the true model. At lines each is weighted by its noise, in
     /// time each row counts alike.
     pub power_ratio: f64,
@@ -21,10 +21,10 @@ pub struct LeftOver {
     pub p_value: f64,
 }
 
-impl LeftOver {
+impl ResidualPower {
     /// `left` and `noise` are mean powers of independent numbers, these their degrees of freedom; `None` where the noise does
     /// not show.
-    pub(super) fn of(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
+    pub(super) fn compute(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
         let power_ratio = power_over_noise(left / noise)?;
         Some(Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) })
     }
@@ -33,11 +33,11 @@ impl LeftOver {
     ///
     /// The variances are estimates: they make the weighted sum `v / (v - 2)` times too large on average, with `v` the degrees
     /// of freedom of each. Neighbors share them, so that all lines have as many as there are windows of pooling.
-    pub(super) fn at_lines(lines: &[Line], expected: &[Complex64]) -> Option<Self> {
+    pub(super) fn at_lines(lines: &[SpectralLine], expected: &[Complex64]) -> Option<Self> {
         let largest = lines.iter().map(|line| line.ratio().norm()).fold(0.0, f64::max);
         // The rounding of what has no noise.
         let rounding = (1e-8 * largest).powi(2);
-        let weighted = |(line, expected): (&Line, &Complex64)| {
+        let weighted = |(line, expected): (&SpectralLine, &Complex64)| {
             (line.ratio() - expected).norm_sqr() / line.ratio_variance().max(rounding)
         };
         let count = lines.len() as f64;
@@ -45,6 +45,6 @@ impl LeftOver {
         let line_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
         let inflation = if line_dof > 2.5 { 1.0 / (1.0 - 2.0 / line_dof) } else { 5.0 };
         let windows = (2.0 * count / line_dof).max(1.0);
-        Self::of(left, 2.0 * count, inflation, windows * line_dof)
+        Self::compute(left, 2.0 * count, inflation, windows * line_dof)
     }
 }
