@@ -13,6 +13,7 @@ mod fuzz;
 mod image;
 mod library;
 mod python;
+mod python_environment;
 mod run;
 mod setup;
 mod sizes;

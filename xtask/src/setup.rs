@@ -9,7 +9,7 @@ use ::emulator::rp2040;
 
 use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
-use crate::{apt, emulator, python};
+use crate::{apt, emulator, python_environment};
 
 /// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
 pub const SMALLEST_CORE: &str = "thumbv6m-none-eabi";
@@ -170,17 +170,17 @@ fn rp2040_needs() -> [Need; 3] {
 
 /// Python, and what builds and tests its package.
 fn python_needs() -> [Need; 2] {
-    let (major, minor) = python::OLDEST;
+    let (major, minor) = python_environment::OLDEST;
     [
         Need {
             name: format!("Python {major}.{minor} or later with venv, python3 or what PYTHON names"),
-            is_there: Box::new(python::is_there),
-            install: Box::new(|| apt::install(&python::DEBIAN_PACKAGES)),
+            is_there: Box::new(python_environment::is_there),
+            install: Box::new(|| apt::install(&python_environment::DEBIAN_PACKAGES)),
         },
         Need {
-            name: format!("the Python packages of {}", python::REQUIREMENTS),
-            is_there: Box::new(python::has_packages),
-            install: Box::new(python::install_packages),
+            name: format!("the Python packages of {}", python_environment::REQUIREMENTS),
+            is_there: Box::new(python_environment::has_packages),
+            install: Box::new(python_environment::install_packages),
         },
     ]
 }

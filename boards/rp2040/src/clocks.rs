@@ -15,12 +15,12 @@ use rotorlead::controller::{ClockReport, check_timer};
 use rotorlead::link::{Clock, CrystalCheck};
 use rp2040_hal::pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, TIMER, VREG_AND_CHIP_RESET, WATCHDOG, XOSC, pll_sys};
 
-use crate::inputs::COUNT_CYCLES;
-
 /// The crystal.
 const CRYSTAL_HZ: u32 = 12_000_000;
 /// Core clock: the crystal times 125, over 6 and 2.
 pub const CORE_HZ: u32 = 125_000_000;
+/// Cycles of the core between two counts: those of the stamping loop.
+pub const COUNT_CYCLES: u32 = 5;
 /// Multiplier and dividers of the system PLL, whose oscillator runs at 1500 MHz (RP2040 datasheet, 2.18.2).
 pub const SYSTEM_PLL: (u16, u8, u8) = (125, 6, 2);
 /// Of the USB PLL: 1200 MHz, and 48 MHz.

@@ -21,13 +21,11 @@ use rotorlead::settings::MOTORS;
 use rp2040_hal::pac::TIMER;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 
-use crate::clocks::CORE_HZ;
+use crate::clocks::{CORE_HZ, COUNT_CYCLES};
 use crate::pinout::INPUT_1;
 use crate::pins::{Pins, Pull};
 use crate::state_machines::{Block, Direction, Divider, StateMachines};
 
-/// Cycles of the core between two counts: those of the stamping loop.
-pub const COUNT_CYCLES: u32 = 5;
 /// Samples with the new level that an edge needs behind the first one: one more than the program loads.
 const SETTLED_SAMPLES: u32 = 26;
 /// From an edge to its stamp: two counts for each of these samples.

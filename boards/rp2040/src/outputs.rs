@@ -14,8 +14,7 @@ use rp2040_hal::pac::PWM;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::pwm::CH;
 
-use crate::clocks::CORE_HZ;
-use crate::inputs::COUNT_CYCLES;
+use crate::clocks::{CORE_HZ, COUNT_CYCLES};
 use crate::pinout::OUTPUT_1;
 use crate::pins::{Pins, Pull};
 use crate::state_machines::{Block, Direction, Divider, StateMachines};

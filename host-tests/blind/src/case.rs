@@ -13,6 +13,7 @@ use super::noise::Noise;
 use super::nuisance::{self, Nuisance};
 use super::outside::{Outside, Sort};
 use super::path::{Timing, means, pieces};
+use super::rotor::rpm;
 use super::setup::Setup;
 use super::shape::{Law, Shape};
 
@@ -26,8 +27,6 @@ const COMMAND_JITTER_S: f64 = 50e-6;
 const LOGGER_JITTER_S: f64 = 20e-6;
 /// The supply at rest at hover, in volts.
 const SUPPLY_V: f64 = 14.8;
-/// Thrust of a revolution per minute squared, in newtons: 3 N at 6 000 rpm.
-const THRUST_PER_RPM2: f64 = 3.0 / 36.0e6;
 /// The current at hover, in amperes.
 const HOVER_A: f64 = 5.0;
 
@@ -324,12 +323,6 @@ impl Case {
     fn rest_current(&self, point: usize) -> f64 {
         relative_current(self.motor.points[point].nominal)
     }
-}
-
-/// Revolutions per minute of a rotor of this thrust.
-#[must_use]
-pub fn rpm(thrust_n: f64) -> f64 {
-    (thrust_n.max(0.0) / THRUST_PER_RPM2).sqrt()
 }
 
 /// When the logger reads its rows, in seconds of the controller's clock.

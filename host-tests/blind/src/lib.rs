@@ -37,6 +37,7 @@ pub mod outside;
 mod parameters;
 pub mod path;
 pub mod report;
+pub mod rotor;
 pub mod run;
 pub mod scatter;
 pub mod score;

@@ -7,9 +7,9 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::case::rpm;
 use super::excitation::{ROWS, ROWS_HZ};
 use super::noise::Noise;
+use super::rotor::rpm;
 
 /// A sort of nuisance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! `rotorlead identify`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
@@ -11,7 +11,6 @@ use rotorlead_identify::lag::first_order::FirstOrderOptions;
 use rotorlead_identify::lag::steps::StepsError;
 use rotorlead_identify::stand::StandModel;
 use rotorlead_records::files::{check_writable, printable};
-use rotorlead_records::import::MissingOption;
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::{IdentifyResult, excitation_section, flight_section, recommendation_table, transform};
 use serde_json::json;
@@ -20,9 +19,9 @@ use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
 use super::log_arguments::with_other_excitation;
 use super::measured::Measured;
+use super::out_option::model_written;
 use super::outcome::{JsonOption, Outcome};
-use super::replaced::written_to;
-use super::report_option::{ReportOption, this_command_with};
+use super::report_option::ReportOption;
 use super::{WrongUse, progress, report_pages};
 
 /// Finds the lag at each level from the records of an experiment, or from a log
@@ -107,7 +106,7 @@ impl Identify {
         answer.findings.splice(0..0, of_merging);
         answer.values.insert("alignment".to_owned(), json!(alignments));
         answer.values.extend(logs.map(|logs| ("logs".to_owned(), json!(logs))));
-        let mut written = written(self.out.as_deref());
+        let mut written = model_written(self.out.as_deref());
         written.push_str(&self.report.write(|| {
             let stand = self.stand_model.as_deref().map(|stand| report_pages::file("Stand, divided out", stand));
             let model = self.out.as_deref().map(|out| report_pages::file("Model", out));
@@ -124,17 +123,6 @@ impl Identify {
             }
         })?);
         Ok(Outcome::of(&answer, &written).after(&of_logs, &detail))
-    }
-}
-
-/// Where a model was written, or the command that writes it.
-pub(super) fn written(out: Option<&Path>) -> String {
-    match out {
-        Some(out) => format!("{}\n", written_to(out)),
-        None => {
-            let out = MissingOption { name: "--out", value: "model.toml".to_owned() };
-            format!("To keep the model: {}\n", this_command_with(&[out]))
-        }
     }
 }
 

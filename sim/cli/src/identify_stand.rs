@@ -10,7 +10,7 @@ use rotorlead_records::Experiment;
 use rotorlead_records::files::{Quantity, check_writable};
 use rotorlead_results::stand_answer;
 
-use super::identify::written;
+use super::out_option::model_written;
 use super::outcome::Outcome;
 use super::parameters::number;
 use super::report_option::ReportOption;
@@ -57,5 +57,5 @@ pub fn run(
         let facts = [report_pages::records(&experiment, folder), model.into_iter().collect()].concat();
         Report { facts, ..report_pages::of_answer("Stand", format!("Stand of {}", experiment.name), &answer) }
     })?;
-    Ok(Outcome::of(&answer, &(written(out) + &report)))
+    Ok(Outcome::of(&answer, &(model_written(out) + &report)))
 }

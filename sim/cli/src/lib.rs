@@ -26,6 +26,7 @@ mod man;
 mod measured;
 mod model_argument;
 mod new;
+mod out_option;
 mod outcome;
 mod overwrite_guard;
 mod parameters;

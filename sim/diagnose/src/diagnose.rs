@@ -12,9 +12,10 @@ use crate::assess::conditions::Conditions;
 use crate::assess::lateness::Lateness;
 use crate::assess::minor::{self, MinorEffect};
 use crate::assess::verdict::{Evidence, Finding, Verdict};
-use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
+use crate::assess::{gap, gaps, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
-use crate::data::dataset::{Dataset, Record, Split};
+use crate::data::dataset::{Dataset, Record};
+use crate::data::split::Split;
 use crate::error::DiagnoseError;
 use crate::estimate::{first_lag, fit};
 use crate::likelihood::hold_delay;
@@ -24,8 +25,9 @@ use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
 use crate::policy::POLICY;
 use crate::select::decision::Decision;
-use crate::select::explain::{Explanation, Found, Search};
+use crate::select::explanation::{Explanation, FoundEffect};
 use crate::select::prior_model::{self, ParameterMismatch};
+use crate::select::search::Search;
 use crate::select::tried::Tried;
 
 /// How it is done.
@@ -78,7 +80,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     data.check_fitted()?;
     data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
     let base = first_model(experiment, &data, options.model)?;
-    let lags = Hypothesis::of_lags(base.clone());
+    let lags = Hypothesis::from_lags(base.clone());
     let no_lag = DiagnoseError::NoFit { what: "a first-order lag" };
     let Some(mut search) = Search::prepared(&data, &lags, (options.catalog, options.progress), true) else {
         return Err(no_lag);
@@ -107,10 +109,10 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
     let timing = timing::timing(likelihood, &after.hypothesis);
     let refitted = options.model.is_none();
-    let mut gaps = gap::gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
-    let own = likelihood.with_errors_of(&before.hypothesis);
+    let mut gaps = gaps::compute_gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
+    let own = likelihood.with_errors_from(&before.hypothesis);
     let fitted_left = own.as_ref().and_then(|own| {
-        plateau_gap::Left::of((own, &before.hypothesis), (likelihood, &after.hypothesis), Split::Train)
+        plateau_gap::PlateauResidual::compute((own, &before.hypothesis), (likelihood, &after.hypothesis), Split::Train)
     });
     let fitted_left = fitted_left.unwrap_or_default().shares();
     let evidence = Evidence {
@@ -134,7 +136,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         (after, excess_after) = (before.clone(), excess_before);
         // By the errors of the lags alone, as these are judged.
         let by_lags = own.as_ref().unwrap_or(likelihood);
-        gaps = gap::gaps(by_lags, &before.hypothesis, &after.hypothesis, refitted);
+        gaps = gaps::compute_gaps(by_lags, &before.hypothesis, &after.hypothesis, refitted);
         wrong = None;
         // They were so beside what is not believed.
         minor.clear();
@@ -142,14 +144,14 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     } else {
         found
     };
-    let gap::Gaps { total: gap, records, splits, held_out, .. } = gaps;
+    let gaps::Gaps { total: gap, records, splits, held_out, .. } = gaps;
     gap.check()?;
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         // The rest fitted again may run off where nothing was fitted; the rest as it is then does better.
         let without = after.hypothesis.without(index);
         let refitted = fit::fit(likelihood, &without, true).map(|fit| fit.hypothesis);
-        let of = |rest| gap::gaps(likelihood, rest, &after.hypothesis, true).total;
+        let of = |rest| gaps::compute_gaps(likelihood, rest, &after.hypothesis, true).total;
         let as_it_is = of(&without);
         let alone = refitted.as_ref().map(of).filter(|gap| gap.before < as_it_is.before).unwrap_or(as_it_is);
         effects.push(NamedEffect {
@@ -167,7 +169,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     if let Some(ParameterMismatch { evidence, parameters, given }) = wrong
         && let Some(kind) = options.catalog.find("parameter_error")
     {
-        let alone = gap::gaps(likelihood, &given, &after.hypothesis, false).total;
+        let alone = gaps::compute_gaps(likelihood, &given, &after.hypothesis, false).total;
         let parameters = kind.parameters.iter().zip(parameters).collect();
         let (gap_before, gap_after) = (alone.before, alone.after);
         effects.push(NamedEffect {
@@ -186,7 +188,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         verdict,
         is_of_given: options.model.is_some(),
         has_free_map: data.records.iter().any(Record::has_free_map),
-        lateness: Lateness::of(likelihood, &after.hypothesis),
+        lateness: Lateness::estimate(likelihood, &after.hypothesis),
         decisions: decided(decisions, verdict, &evidence),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
         needs_steady_start: likelihood.initial_condition == InitialCondition::Steady && verdict != Verdict::Unknown,
@@ -205,11 +207,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         minor,
         gap,
         splits,
-        fitted: gap::of(likelihood, &before.hypothesis, &after.hypothesis, Split::Train).0,
+        fitted: gap::compute_gap(likelihood, &before.hypothesis, &after.hypothesis, Split::Train).0,
         cut: data.records.iter().filter_map(|record| Some(record.log.as_ref()?.cut.clone())).collect(),
         columns: columns(data),
         left_out: data.left_out.clone(),
-        conditions: Conditions::of(experiment, likelihood),
+        conditions: Conditions::from_experiment(experiment, likelihood),
         map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
         residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),
         records,
@@ -226,9 +228,9 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 fn without_minor(
     likelihood: &Likelihood,
     after: &mut fit::Fit,
-    mut found: Vec<Found>,
+    mut found: Vec<FoundEffect>,
     is_given: bool,
-) -> (Vec<Found>, Vec<MinorEffect>) {
+) -> (Vec<FoundEffect>, Vec<MinorEffect>) {
     let mut minor = Vec::new();
     while !found.is_empty() {
         let of_effect = |effect: usize| {
@@ -247,7 +249,7 @@ fn without_minor(
         if share >= POLICY.minor {
             break;
         }
-        let Found { kind, score: evidence, .. } = found.remove(effect);
+        let FoundEffect { kind, score: evidence, .. } = found.remove(effect);
         minor.push(MinorEffect { kind, evidence, share });
         *after = without;
     }
@@ -371,7 +373,7 @@ fn improved(model: Option<&Model>, likelihood: &Likelihood, fit: &fit::Fit, effe
     });
     let (points, static_map) = match (model, &likelihood.data.curve) {
         (Some(model), Some((_, given)))
-            if likelihood.data.records.iter().any(|record| likelihood.data.curve_of(record).is_some()) =>
+            if likelihood.data.records.iter().any(|record| likelihood.data.operating_curve(record).is_some()) =>
         {
             scaled(model, &fit.hypothesis.base[0], given[0])
         }
@@ -447,7 +449,7 @@ mod tests {
         let (likelihood, base) = likelihood(&records(SLOW, 0.05, 1));
         let catalog = Catalog::standard();
         let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
-        let Explanation { before, tried, .. } = search.explain(&Hypothesis::of_lags(base)).unwrap();
+        let Explanation { before, tried, .. } = search.explain(&Hypothesis::from_lags(base)).unwrap();
         let rejected = |minor: &mut Vec<MinorEffect>| rejected(&search.likelihood, &before, &tried, minor);
         assert!(rejected(&mut Vec::new()));
         let found = MinorEffect { kind: tried[0].kind, evidence: 50.0, share: 0.5 * POLICY.minor };

@@ -33,7 +33,7 @@ pub use assess::verdict::Verdict;
 pub use data::columns::Column;
 pub use data::compensated::fill_in_esc_commands;
 pub use data::dataset::LeftOut;
-pub use data::plateaus::cut::CutRows;
+pub use data::plateaus::groups::CutRows;
 pub use diagnose::{Options, diagnose};
 pub use error::DiagnoseError;
 pub use likelihood::excess::Excess;

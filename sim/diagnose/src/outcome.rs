@@ -16,7 +16,7 @@ use crate::assess::timing::Timing;
 use crate::assess::verdict::Verdict;
 use crate::data::columns::Column;
 use crate::data::dataset::LeftOut;
-use crate::data::plateaus::cut::CutRows;
+use crate::data::plateaus::groups::CutRows;
 use crate::likelihood::excess::Excess;
 use crate::policy::Policy;
 use crate::select::decision::Decision;

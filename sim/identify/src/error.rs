@@ -5,10 +5,10 @@ use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::files::Fault;
 use thiserror::Error;
 
-use crate::lag::steps::StepsError;
-use crate::stand::StandError;
-use crate::stand::transfer_function::ParametricError;
-use crate::static_map::StaticMapError;
+use crate::lag::steps::error::StepsError;
+use crate::stand::error::StandError;
+use crate::stand::transfer_function::error::ParametricError;
+use crate::static_map::error::StaticMapError;
 use rotorlead_records::Topic;
 
 /// A record or setting from which nothing can be identified.

@@ -4,6 +4,7 @@
 
 mod bandwidth;
 mod catalog;
+mod caveats;
 mod check;
 mod comparison;
 mod design;
@@ -32,9 +33,10 @@ use serde_json::{Map, Value};
 
 pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range};
 pub use catalog::{catalog_markdown, with_catalog};
+pub use caveats::{judged, of_another_model};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
-pub use design::{DesignResult, Designed, design_section, in_short, judged, of_another_model};
+pub use design::{DesignResult, Designed, design_section, in_short};
 use diagnosis::effect_notes;
 pub use diagnosis::{diagnosed_model, diagnosis_answer};
 pub use distortion::DistortionValues;

@@ -3,13 +3,11 @@
 use miette::Diagnostic;
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_design::redesign::KindOptions;
-use rotorlead_design::{CompensatorError, DesignOptions, InverseOptions, Latency, Setting, design};
+use rotorlead_design::{CompensatorError, DesignOptions, InverseOptions, Setting, design};
 use rotorlead_plant::{Judgement, Model, PlantError};
 use rotorlead_records::Finding;
 use rotorlead_vehicle::{ActuatorKind, Asked, Choice, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
-
-use super::design::DesignResult;
 
 /// What is asked of a design. What is not given is the default of the kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -143,14 +141,6 @@ impl DesignRequest {
     #[must_use]
     pub fn loop_rate_hz(&self) -> f64 {
         self.loop_rate_hz.unwrap_or(DEFAULT_LOOP_RATE_HZ)
-    }
-
-    /// Designs for `model` what is asked for, or what is recommended for `purpose`, and predicts what comes of it.
-    ///
-    /// # Errors
-    /// Where none is recommended, or the kind cannot be designed.
-    pub fn design(&self, model: &Model, purpose: Purpose, latency: Latency) -> Result<DesignResult, RequestError> {
-        DesignResult::of(model, self.chosen(model, purpose, None)?, latency)
     }
 
     /// The kind that is asked for, or else a lead.

@@ -7,7 +7,7 @@ use rotorlead_vehicle::{
 };
 use serde_json::{Value, json};
 
-use crate::design::judged;
+use crate::caveats::judged;
 use crate::figures::vehicle::vehicle_figures;
 use crate::object;
 

@@ -45,7 +45,7 @@ pub struct StaircaseConditions {
 
 impl StaircaseConditions {
     /// `None` where records repeat: then there is a controller that plays others.
-    fn of(experiment: &Experiment, data: &Dataset) -> Option<Self> {
+    fn from_experiment(experiment: &Experiment, data: &Dataset) -> Option<Self> {
         let mut levels = Vec::new();
         let mut holds_s = Vec::new();
         for record in &data.records {
@@ -69,7 +69,7 @@ impl StaircaseConditions {
 }
 
 impl Conditions {
-    pub(crate) fn of(experiment: &Experiment, likelihood: &Likelihood) -> Self {
+    pub(crate) fn from_experiment(experiment: &Experiment, likelihood: &Likelihood) -> Self {
         let data = &*likelihood.data;
         let amplitude = median(data.records.iter().map(|record| record.amplitude));
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
@@ -81,8 +81,8 @@ impl Conditions {
             command_rate_hz: experiment.command_rate_hz,
             esc_frame_hz: data.esc_frame_hz,
             periods: data.records.iter().map(|record| record.periods() as u32).max().unwrap_or(1),
-            noise_std: most(&mut data.records.iter().map(|record| likelihood.of(record).noise_std())),
-            staircase: StaircaseConditions::of(experiment, data),
+            noise_std: most(&mut data.records.iter().map(|record| likelihood.for_record(record).noise_std())),
+            staircase: StaircaseConditions::from_experiment(experiment, data),
         }
     }
 }

@@ -4,9 +4,9 @@
 use rotorlead_identify::simulation::align;
 use serde::Serialize;
 
-use super::plateau_gap::{self, SplitGap};
 use crate::DiagnoseError;
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::likelihood::{Likelihood, Power, RecordLikelihood as _};
 use crate::model::hypothesis::{Coordinate, Hypothesis};
@@ -108,14 +108,14 @@ pub(crate) fn residual(
 
 /// Sums of squares, to be divided at the end.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Squares {
+pub(crate) struct SquaredResiduals {
     pub before: f64,
     pub after: f64,
     pub noise: f64,
     pub response: f64,
 }
 
-impl Squares {
+impl SquaredResiduals {
     pub fn add(&mut self, other: Self) {
         self.before += other.before;
         self.after += other.after;
@@ -135,42 +135,14 @@ impl Squares {
     }
 }
 
-/// All gaps between two models and the records.
-pub(crate) struct Gaps {
-    /// In total.
-    pub total: Gap,
-    /// Record by record.
-    pub records: Vec<RecordGap>,
-    /// Split by split, where records are split more than one way.
-    pub splits: Vec<SplitGap>,
-    /// Whether anything is held out.
-    pub held_out: bool,
-    /// Of records that do not repeat: what is left of levels and of the motion that were held out.
-    pub left: plateau_gap::Left,
-}
-
-/// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
-/// what is left, the first one only where `refitted` says so.
-pub(crate) fn gaps(likelihood: &Likelihood, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
-    let (total, records, splits, left) = plateau_gap::gaps(likelihood, before, after, refitted);
-    if !splits.is_empty() {
-        return Gaps { total, records, splits, held_out: true, left };
-    }
-    let held_out = likelihood.data.records.iter().any(|record| likelihood.has(record, Split::Holdout));
-    let split = if held_out { Split::Holdout } else { Split::Train };
-    let (total, records) = of(likelihood, before, after, split);
-    let left = plateau_gap::Left::of((likelihood, before), (likelihood, after), split).unwrap_or_default();
-    Gaps { total, records, splits, held_out, left }
-}
-
 /// Gap in total and record by record on what is there in a split.
-pub(crate) fn of(
+pub(crate) fn compute_gap(
     likelihood: &Likelihood,
     before: &Hypothesis,
     after: &Hypothesis,
     split: Split,
 ) -> (Gap, Vec<RecordGap>) {
-    let mut total = Squares::default();
+    let mut total = SquaredResiduals::default();
     let mut records = Vec::new();
     for record in likelihood.data.records.iter().filter(|record| likelihood.has(record, split)) {
         let Some(squares) = squares(likelihood, record, before, after, split) else { continue };
@@ -187,10 +159,10 @@ pub(crate) fn of(
 /// record is simulated once more, one standard error away.
 pub(crate) fn unsure(likelihood: &Likelihood, fit: &Fit, split: Split) -> f64 {
     let of_record = |record: &Record| {
-        let rows = likelihood.periodic(record)?.end_of(split);
+        let rows = likelihood.periodic(record)?.end(split);
         let here = fit.hypothesis.simulate(&likelihood.data, record, rows).ok()?;
         let coordinates = [Coordinate::Gain(record.point), Coordinate::TimeConstant(record.point)];
-        let axes = fit.covariance_of(coordinates)?.symmetric_eigen();
+        let axes = fit.pair_covariance(coordinates)?.symmetric_eigen();
         let mut sum = 0.0;
         for (variance, axis) in axes.eigenvalues.iter().zip(axes.eigenvectors.column_iter()) {
             let mut moved = fit.hypothesis.clone();
@@ -228,12 +200,12 @@ pub(crate) fn squares(
     before: &Hypothesis,
     after: &Hypothesis,
     split: Split,
-) -> Option<Squares> {
-    let of = likelihood.of(record);
+) -> Option<SquaredResiduals> {
+    let of = likelihood.for_record(record);
     let tau_s = before.base[record.point].time_constant_s;
     let Power { response, noise } = of.power(split);
     let left = |hypothesis| of.squares(hypothesis, tau_s, split);
-    Some(Squares { before: left(before)?, after: left(after)?, noise, response })
+    Some(SquaredResiduals { before: left(before)?, after: left(after)?, noise, response })
 }
 
 #[cfg(test)]
@@ -242,7 +214,7 @@ mod tests {
 
     #[test]
     fn no_more_is_noise_than_is_left() {
-        let floor = |noise: f64| Squares { before: 4.0, after: 1.0, noise, response: 1.0 }.gap().noise_floor;
+        let floor = |noise: f64| SquaredResiduals { before: 4.0, after: 1.0, noise, response: 1.0 }.gap().noise_floor;
         assert_eq!((floor(0.25), floor(9.0)), (0.5, 1.0));
     }
 }

@@ -13,7 +13,7 @@ use rotorlead_plant::effect::Site;
 use crate::data::dataset::Record;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
-use crate::noise::plateau_errors::{Part, mean};
+use crate::noise::plateau_errors::{ComparedRows, mean};
 
 /// Longest frame of an ESC's pulses, seconds: 50 Hz. Digital commands take less than a millisecond.
 const LONGEST_FRAME_S: f64 = 0.02;
@@ -51,7 +51,7 @@ pub struct Lateness {
 
 impl Lateness {
     /// That of a hypothesis with a delay in logs. `None` where it has none, or no step shows it.
-    pub(crate) fn of(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<Self> {
+    pub(crate) fn estimate(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<Self> {
         let delay = hypothesis.effects.iter().find(|candidate| candidate.kind.site == Site::Line)?;
         let mut late_s = Vec::new();
         let (mut stalled_steps, mut row_s) = (0, 0.0_f64);
@@ -83,13 +83,13 @@ impl Lateness {
     }
 
     /// Scatter of steps whose stamps lie anywhere within a row.
-    fn of_stamps_s(&self) -> f64 {
+    fn stamp_scatter_s(&self) -> f64 {
         self.row_s / 12_f64.sqrt()
     }
 }
 
 /// By how much the measured response has begun later than the simulated one.
-fn late(record: &Record, part: &Part, simulated: &[f64]) -> Option<f64> {
+fn late(record: &Record, part: &ComparedRows, simulated: &[f64]) -> Option<f64> {
     if part.settled.is_empty() || part.before.is_empty() || part.shown < 1.0 {
         return None;
     }
@@ -121,7 +121,7 @@ impl fmt::Display for Lateness {
             ms(self.row_s),
             ms(self.scatter_s),
             self.steps,
-            ms(self.of_stamps_s()),
+            ms(self.stamp_scatter_s()),
         )?;
         if self.stalled_steps > 0 {
             write!(
@@ -153,7 +153,7 @@ impl fmt::Display for Lateness {
                  link with a delay of its own."
             )?;
         }
-        if self.scatter_s > MORE * self.of_stamps_s().hypot(self.of_lags_s) {
+        if self.scatter_s > MORE * self.stamp_scatter_s().hypot(self.of_lags_s) {
             f.write_str(
                 " It varies by more than stamps and unequal lags do: something waits for another time at each step.",
             )?;

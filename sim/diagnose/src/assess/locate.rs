@@ -5,7 +5,7 @@
 use rotorlead_records::Excitation;
 use serde::Serialize;
 
-use crate::data::dataset::Split;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::likelihood::excess::{Excess, Line, Term};
 use crate::model::hypothesis::Hypothesis;
@@ -84,7 +84,7 @@ pub struct MapCell {
 pub(crate) fn map(likelihood: &Likelihood, before: &Hypothesis, after: &Hypothesis) -> Vec<MapCell> {
     let mut cells: Vec<MapCell> = Vec::new();
     for record in &likelihood.data.records {
-        let left = [before, after].map(|hypothesis| likelihood.of(record).terms(hypothesis, Split::Train));
+        let left = [before, after].map(|hypothesis| likelihood.for_record(record).terms(hypothesis, Split::Train));
         for (term, improved) in left[0].iter().zip(&left[1]) {
             let Some(line) = term.line else { continue };
             let (nominal, band_hz) = (record.nominal, band(line.hz));
@@ -175,7 +175,7 @@ pub(crate) fn locate(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Vec<Lo
     let amplitudes: Vec<f64> = likelihood.data.records.iter().map(|record| record.amplitude).collect();
     let at = |value: f64| (value, value);
     for record in &likelihood.data.records {
-        let of = likelihood.of(record);
+        let of = likelihood.for_record(record);
         for Term { excess, line, nominal: commands, step, direction: way, time_s, .. } in
             of.terms(hypothesis, Split::Train)
         {

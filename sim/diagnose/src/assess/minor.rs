@@ -7,7 +7,7 @@ use rotorlead_plant::effect::Kind;
 use serde::Serialize;
 use std::fmt;
 
-use crate::data::dataset::Split;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
@@ -41,7 +41,7 @@ pub(crate) fn share(likelihood: &Likelihood, with: &Hypothesis, without: &Hypoth
     let of_split = |split: Split| {
         let (mut change, mut noise) = (0.0, 0.0);
         for record in likelihood.compared(split) {
-            let of = likelihood.of(record);
+            let of = likelihood.for_record(record);
             let tau_s = with.base[record.point].time_constant_s;
             change += of.change(with, without, tau_s, split).unwrap_or(f64::INFINITY);
             noise += of.power(split).noise;

@@ -2,6 +2,7 @@
 
 pub(crate) mod conditions;
 pub(crate) mod gap;
+pub(crate) mod gaps;
 pub(crate) mod lateness;
 pub(crate) mod locate;
 pub(crate) mod minor;

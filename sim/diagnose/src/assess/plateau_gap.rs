@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
-use crate::assess::gap::{Gap, RecordGap, Squares, squares};
-use crate::data::dataset::Split;
+use crate::assess::gap::{Gap, RecordGap, SquaredResiduals, squares};
+use crate::data::split::Split;
 use crate::estimate::fit::fit_in;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -25,22 +25,22 @@ pub struct SplitGap {
 
 /// How far levels and motion are off, before and after: they are compared separately, and an effect acts on either.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Left {
-    before: Squared,
-    after: Squared,
+pub(crate) struct PlateauResidual {
+    before: GroupResiduals,
+    after: GroupResiduals,
 }
 
-/// Squares of what a hypothesis leaves.
+/// SquaredResiduals of what a hypothesis leaves.
 #[derive(Clone, Debug, Default)]
-struct Squared {
+struct GroupResiduals {
     /// Number of independent levels, and their sum of squares.
     levels: (f64, f64),
     /// The mean square of the motion of each step.
     steps: Vec<f64>,
 }
 
-impl Squared {
-    fn of(likelihood: &Likelihood, hypothesis: &Hypothesis, split: Split) -> Option<Self> {
+impl GroupResiduals {
+    fn compute(likelihood: &Likelihood, hypothesis: &Hypothesis, split: Split) -> Option<Self> {
         let mut all = Self::default();
         for record in &likelihood.data.records {
             let Some(plateaus) = likelihood.plateaus(record) else { continue };
@@ -56,14 +56,17 @@ impl Squared {
     }
 }
 
-impl Left {
+impl PlateauResidual {
     /// That of the records over a split, each hypothesis by the errors that it leaves itself.
-    pub fn of(
+    pub fn compute(
         (own, before): (&Likelihood, &Hypothesis),
         (likelihood, after): (&Likelihood, &Hypothesis),
         split: Split,
     ) -> Option<Self> {
-        Some(Self { before: Squared::of(own, before, split)?, after: Squared::of(likelihood, after, split)? })
+        Some(Self {
+            before: GroupResiduals::compute(own, before, split)?,
+            after: GroupResiduals::compute(likelihood, after, split)?,
+        })
     }
 
     fn add(&mut self, other: Self) {
@@ -83,19 +86,19 @@ impl Left {
 }
 
 /// What a split holds out, in words: squares by the place of the record, and what is left of levels and motion.
-type OfSplit = (&'static str, Vec<(usize, Squares)>, Left);
+type OfSplit = (&'static str, Vec<(usize, SquaredResiduals)>, PlateauResidual);
 
 /// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
 /// only where `refitted` says so.
-pub(crate) fn gaps(
+pub(crate) fn gaps_of_splits(
     likelihood: &Likelihood,
     before: &Hypothesis,
     after: &Hypothesis,
     refitted: bool,
-) -> (Gap, Vec<RecordGap>, Vec<SplitGap>, Left) {
+) -> (Gap, Vec<RecordGap>, Vec<SplitGap>, PlateauResidual) {
     let folds = likelihood.folds();
     // Each with the errors that it leaves itself.
-    let own = if folds.is_empty() { None } else { likelihood.with_errors_of(before) };
+    let own = if folds.is_empty() { None } else { likelihood.with_errors_from(before) };
     let own = own.map_or_else(|| folds.clone(), |own| own.folds());
     let evaluated: Vec<OfSplit> = folds
         .par_iter()
@@ -109,17 +112,17 @@ pub(crate) fn gaps(
             let held_out = fold.data.records.iter().enumerate().filter(|(_, record)| fold.has(record, Split::Holdout));
             let evaluated = held_out
                 .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
-            let left = Left::of((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
+            let left = PlateauResidual::compute((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
             (*words, evaluated.collect(), left)
         })
         .collect();
-    let mut total = Squares::default();
-    let mut records = vec![Squares::default(); likelihood.data.records.len()];
+    let mut total = SquaredResiduals::default();
+    let mut records = vec![SquaredResiduals::default(); likelihood.data.records.len()];
     let mut splits = Vec::new();
-    let mut left = Left::default();
+    let mut left = PlateauResidual::default();
     for (split, parts, of_split) in evaluated {
         left.add(of_split);
-        let mut sum = Squares::default();
+        let mut sum = SquaredResiduals::default();
         for (place, part) in parts {
             records[place].add(part);
             sum.add(part);

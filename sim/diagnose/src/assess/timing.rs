@@ -9,7 +9,8 @@
 use serde::Serialize;
 use std::fmt;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
 use crate::likelihood::hold_delay::frame_s;
@@ -63,7 +64,7 @@ struct Scatter {
 pub(crate) fn timing(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Timing {
     let all = likelihood.data.records.iter();
     let all = all.flat_map(|record| {
-        [Split::Train, Split::Holdout].map(|split| of_segment(likelihood, record, hypothesis, split))
+        [Split::Train, Split::Holdout].map(|split| record_scatter(likelihood, record, hypothesis, split))
     });
     let sum = all.flatten().fold(Scatter::default(), |sum, one| Scatter {
         square: sum.square + one.square,
@@ -82,10 +83,10 @@ pub(crate) fn timing(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Timing
 }
 
 /// Of one record, both ways.
-fn of_segment(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Scatter> {
+fn record_scatter(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Scatter> {
     // Frames that do not show make a change wait for anything up to a frame.
     let hidden = hypothesis.effects.iter().filter(|effect| effect.is_hidden_hold()).find_map(frame_s).unwrap_or(0.0);
-    let adjoint = Adjoint::of_split(likelihood, record, hypothesis, split)?;
+    let adjoint = Adjoint::for_split(likelihood, record, hypothesis, split)?;
     let changes = changes(record, adjoint.segment, hypothesis);
     let isolated_steps = isolated_steps(record, &adjoint, &changes);
     let ups = changes.iter().filter(|change| **change != 0.0).map(|change| *change > 0.0);

@@ -14,8 +14,9 @@ use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, 
 
 use super::auxiliary::{AuxiliaryChannel, auxiliary_channels};
 use super::columns::{Channel, Column, channels};
-use super::plateaus::Log;
 use super::plateaus::cut::{Prepared, prepare};
+use super::plateaus::groups::LogGroups;
+use super::split::Split;
 use crate::DiagnoseError;
 use crate::noise::hum;
 use crate::noise::whitening::Whitening;
@@ -28,15 +29,6 @@ const SAME_ROW: f64 = 1e-3;
 const FITTED_THIRDS: usize = 2;
 /// A line from row to row stands in for the commands between where it is off by less than this part of any sinusoid.
 const OFF_LINE: f64 = 0.03;
-
-/// What a segment of a record is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// Parameters are fitted to it.
-    Train,
-    /// It is kept out of every fit.
-    Holdout,
-}
 
 /// What was before a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +97,7 @@ pub(crate) struct Record {
     /// What is fitted and what is held out, in the order of time; empty for a record that does not repeat.
     pub segments: Vec<Segment>,
     /// What a record that does not repeat has in their place.
-    pub log: Option<Arc<Log>>,
+    pub log: Option<Arc<LogGroups>>,
     /// What was measured beside the response of a record that does not repeat.
     pub channels: Vec<Channel>,
     /// The same of one that repeats.
@@ -180,7 +172,7 @@ impl Dataset {
             let point = nominals.iter().position(|nominal| (nominal - source.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
             let mut record = match prepared {
-                Some(prepared) => Record::of_log(source, experiment.output, prepared, point)?,
+                Some(prepared) => Record::from_log(source, experiment.output, prepared, point)?,
                 None => Record::new(experiment, source, point)?,
             };
             record.place = place;
@@ -226,7 +218,7 @@ impl Dataset {
     }
 
     /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
-    pub fn curve_of(&self, record: &Record) -> Option<(&OperatingCurve, Lag)> {
+    pub fn operating_curve(&self, record: &Record) -> Option<(&OperatingCurve, Lag)> {
         let (curve, given) = self.curve.as_ref()?;
         let is_wide = record.log.is_some() && matches!(record.excitation, Excitation::Staircase | Excitation::Free);
         is_wide.then(|| (curve, given[record.point]))
@@ -292,7 +284,12 @@ impl Record {
     }
 
     /// A record that does not repeat.
-    fn of_log(source: &SourceRecord, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
+    fn from_log(
+        source: &SourceRecord,
+        output: Output,
+        prepared: Prepared,
+        point: usize,
+    ) -> Result<Self, DiagnoseError> {
         let Prepared { rows, blocks, measured, mean_response, log } = prepared;
         let command = &applied(source)?[rows.clone()];
         let time_s = &source.time_s[rows.clone()];
@@ -398,12 +395,12 @@ impl Record {
     pub fn is_fitted(&self) -> bool {
         match &self.log {
             Some(log) => log.groups.iter().any(|group| group.split == Split::Train && !group.rows.is_empty()),
-            None => self.segments_of(Split::Train).next().is_some(),
+            None => self.segments_in(Split::Train).next().is_some(),
         }
     }
 
     /// Its segments of a split, each with its place among all.
-    pub fn segments_of(&self, split: Split) -> impl Iterator<Item = (usize, &Segment)> {
+    pub fn segments_in(&self, split: Split) -> impl Iterator<Item = (usize, &Segment)> {
         self.segments.iter().enumerate().filter(move |(_, segment)| segment.split == split)
     }
 

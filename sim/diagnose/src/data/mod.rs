@@ -6,3 +6,4 @@ pub(crate) mod compensated;
 pub(crate) mod dataset;
 mod drive;
 pub(crate) mod plateaus;
+pub(crate) mod split;

@@ -52,7 +52,7 @@ pub(crate) fn fit(likelihood: &Likelihood, start: &Hypothesis, lags: bool) -> Op
 /// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
 /// of what they promise.
 pub(crate) fn fit_in(likelihood: &Likelihood, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
-    fit_of(likelihood, start, start.coordinates(lags), most_steps)
+    fit_coordinates(likelihood, start, start.coordinates(lags), most_steps)
 }
 
 /// [`fit_in`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
@@ -67,7 +67,7 @@ pub(crate) fn fit_behind(
 }
 
 /// The same of these coordinates alone.
-pub(crate) fn fit_of(
+pub(crate) fn fit_coordinates(
     likelihood: &Likelihood,
     start: &Hypothesis,
     coordinates: Vec<Coordinate>,
@@ -135,10 +135,10 @@ fn look_around(likelihood: &Likelihood, found: &Descent) -> Option<Hypothesis> {
 }
 
 /// Where a search ended.
-type Descent = Found<Place, Linearization>;
+type Descent = Found<FitPoint, Linearization>;
 
 /// A hypothesis, its sum of squares, and half the derivatives of it by the last linearization.
-struct Place {
+struct FitPoint {
     hypothesis: Hypothesis,
     sum: f64,
     gradient: DVector<f64>,
@@ -152,10 +152,10 @@ struct WhiteResiduals<'a> {
 }
 
 impl NormalEquations for WhiteResiduals<'_> {
-    type Point = Place;
+    type Point = FitPoint;
     type Linearization = Linearization;
 
-    fn linearize(&self, at: &mut Place) -> Option<Linearization> {
+    fn linearize(&self, at: &mut FitPoint) -> Option<Linearization> {
         let coordinates = self.coordinates.clone();
         let linearization = Linearization::with_step(self.likelihood, &at.hypothesis, coordinates, self.effect_step)?;
         (at.sum, at.gradient) = linearization.slope_here(self.likelihood, &at.hypothesis)?;
@@ -166,13 +166,13 @@ impl NormalEquations for WhiteResiduals<'_> {
         &linearization.matrix
     }
 
-    fn moved(&self, from: &Place, step: &DVector<f64>, linearization: &Linearization) -> Option<Place> {
+    fn moved(&self, from: &FitPoint, step: &DVector<f64>, linearization: &Linearization) -> Option<FitPoint> {
         let hypothesis = linearization.moved(&from.hypothesis, step);
         let (sum, gradient) = linearization.slope(self.likelihood, &hypothesis)?;
-        Some(Place { hypothesis, sum, gradient })
+        Some(FitPoint { hypothesis, sum, gradient })
     }
 
-    fn is_blocked(&self, at: &Place, parameter: usize, step: f64) -> bool {
+    fn is_blocked(&self, at: &FitPoint, parameter: usize, step: f64) -> bool {
         let coordinate = self.coordinates[parameter];
         let here = at.hypothesis.get(coordinate);
         let mut moved = at.hypothesis.clone();
@@ -180,11 +180,11 @@ impl NormalEquations for WhiteResiduals<'_> {
         moved.get(coordinate) == here
     }
 
-    fn sum_of_squares(&self, at: &Place) -> f64 {
+    fn sum_of_squares(&self, at: &FitPoint) -> f64 {
         at.sum
     }
 
-    fn gradient(&self, at: &Place, _: &Linearization) -> DVector<f64> {
+    fn gradient(&self, at: &FitPoint, _: &Linearization) -> DVector<f64> {
         at.gradient.clone()
     }
 }
@@ -202,7 +202,7 @@ fn descend(
         damping: Damping::Factors,
         reuses_jacobian: true,
     };
-    let start = Place { hypothesis: start.clone(), sum: f64::NAN, gradient: DVector::zeros(0) };
+    let start = FitPoint { hypothesis: start.clone(), sum: f64::NAN, gradient: DVector::zeros(0) };
     least_squares::search(&WhiteResiduals { likelihood, coordinates, effect_step }, start, &strategy)
 }
 
@@ -211,11 +211,11 @@ impl Fit {
     /// searched.
     pub fn distance(&self, coordinates: [Coordinate; 2], off: [f64; 2]) -> Option<f64> {
         let off = Vector2::from(off);
-        Some(off.dot(&(self.covariance_of(coordinates)?.try_inverse()? * off)))
+        Some(off.dot(&(self.pair_covariance(coordinates)?.try_inverse()? * off)))
     }
 
     /// Covariance of two coordinates, whatever the others are. `None` where they were not searched.
-    pub fn covariance_of(&self, coordinates: [Coordinate; 2]) -> Option<Matrix2<f64>> {
+    pub fn pair_covariance(&self, coordinates: [Coordinate; 2]) -> Option<Matrix2<f64>> {
         let covariance = self.covariance.as_ref()?;
         let [i, j] = coordinates.map(|one| self.coordinates.iter().position(|other| *other == one));
         let (i, j) = (i?, j?);

@@ -8,7 +8,8 @@ use rotorlead_numerics::statistics::t_quantile;
 
 use super::fit::Fit;
 use super::stair;
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 

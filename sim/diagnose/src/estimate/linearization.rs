@@ -5,7 +5,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_numerics::normal_equations::{damped_step, floored_diagonal};
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{Coordinate, Hypothesis};
 use crate::noise::whitening::dot;
@@ -111,7 +112,7 @@ impl Linearization {
                 }
                 let white = |hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Train);
                 let left = white(hypothesis)?;
-                let by_gain = || likelihood.of(record).by_gain(hypothesis, Split::Train, &left);
+                let by_gain = || likelihood.for_record(record).by_gain(hypothesis, Split::Train, &left);
                 let columns = columns(record, hypothesis, (&coordinates, effect_step), (&left, by_gain), white)?;
                 Some(RecordJacobian { columns, left })
             })
@@ -141,16 +142,16 @@ impl Linearization {
 
     /// Sum of squares where the linearization was taken, which is at `hypothesis`, and half its derivatives.
     pub fn slope_here(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
-        self.slope_of(likelihood, hypothesis, |place, _| Some(self.records[place].left.clone()))
+        self.white_slope(likelihood, hypothesis, |place, _| Some(self.records[place].left.clone()))
     }
 
     /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the linearization.
     pub fn slope(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
-        self.slope_of(likelihood, hypothesis, |_, record| likelihood.residual(record, hypothesis, Split::Train))
+        self.white_slope(likelihood, hypothesis, |_, record| likelihood.residual(record, hypothesis, Split::Train))
     }
 
     /// The same of white residuals by the place of their record.
-    pub fn slope_of(
+    pub fn white_slope(
         &self,
         likelihood: &Likelihood,
         hypothesis: &Hypothesis,
@@ -220,7 +221,7 @@ mod tests {
     fn derivatives_that_are_taken_the_short_way_are_the_differences() {
         let (likelihood, base) = likelihood(&records_with_command_rate("", (0.05, 1), (2000, 400)));
         let catalog = Catalog::standard();
-        let (likelihood, lags) = settle(&likelihood, &Hypothesis::of_lags(base), true).unwrap();
+        let (likelihood, lags) = settle(&likelihood, &Hypothesis::from_lags(base), true).unwrap();
         let lags = lags.hypothesis;
         let likelihood = &likelihood;
         assert_eq!(likelihood.data.records[0].commands_per_row, 5);

@@ -31,14 +31,14 @@ const ENOUGH: f64 = 1.0;
 pub(crate) const STEPS: usize = 3;
 
 /// What one record adds.
-struct Part {
+struct RecordContribution {
     squares: f64,
     slopes: Vec<(usize, f64)>,
     products: Vec<(usize, usize, f64)>,
 }
 
 /// Minus twice the log likelihood of what `white` makes of these records, but for a constant. `None` where the fit is impossible there.
-pub(crate) fn deviance_of(
+pub(crate) fn white_deviance(
     unseen: &[&Record],
     (fit, most_steps): (&Fit, usize),
     white: impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
@@ -61,9 +61,9 @@ pub(crate) fn deviance_of(
             let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
             let products =
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
-            Some(Part { squares: dot(&at, &at), slopes, products })
+            Some(RecordContribution { squares: dot(&at, &at), slopes, products })
         };
-        let parts: Option<Vec<Part>> = unseen.par_iter().map(of_record).collect();
+        let parts: Option<Vec<RecordContribution>> = unseen.par_iter().map(of_record).collect();
         // Where the numbers moved to what no actuator has, what the step before promised is all that is known.
         let Some(parts) = parts else { break };
         let away = &information * &moved;
@@ -96,7 +96,7 @@ mod tests {
     use rotorlead_records::{Excitation, Role};
 
     use super::*;
-    use crate::data::dataset::Split;
+    use crate::data::split::Split;
     use crate::estimate::settle::settle;
     use crate::likelihood::Likelihood;
     use crate::testing::{likelihood, records};
@@ -105,7 +105,7 @@ mod tests {
     fn deviance(likelihood: &Likelihood, fit: &Fit, most_steps: usize) -> Option<f64> {
         let held_out = likelihood.compared(Split::Holdout);
         let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
-        deviance_of(&held_out, (fit, most_steps), white)
+        white_deviance(&held_out, (fit, most_steps), white)
     }
 
     /// Lags that were fitted to quiet records, beside loud ones that are held out.
@@ -116,7 +116,7 @@ mod tests {
             record.role = Some(if is_loud { Role::Validate } else { Role::Fit });
         }
         let (likelihood, base) = likelihood(&records);
-        settle(&likelihood, &Hypothesis::of_lags(base), true).unwrap()
+        settle(&likelihood, &Hypothesis::from_lags(base), true).unwrap()
     }
 
     #[test]
@@ -137,10 +137,10 @@ mod tests {
         };
         let promised = deviance(&likelihood, &fit, 1);
         assert!(promised.is_some());
-        assert_eq!(deviance_of(&held_out, (&fit, STEPS), white), promised);
+        assert_eq!(white_deviance(&held_out, (&fit, STEPS), white), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(deviance_of(&held_out, (&fit, STEPS), |_, _| None), None);
+        assert_eq!(white_deviance(&held_out, (&fit, STEPS), |_, _| None), None);
     }
 
     #[test]

@@ -15,7 +15,7 @@
 //! the two counts.
 
 use super::{frame_rate, stair};
-use crate::estimate::fit::{Fit, MOST_STEPS, fit_of};
+use crate::estimate::fit::{Fit, MOST_STEPS, fit_coordinates};
 use crate::estimate::linearization::Linearization;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
@@ -149,7 +149,7 @@ pub(crate) fn profile_non_smooth(likelihood: &Likelihood, fit: Fit) -> Option<Fi
         } else {
             frame_rate::settle_rate(likelihood, &settled.hypothesis, effect)?
         };
-        settled = fit_of(likelihood, &found, others.clone(), MOST_STEPS)?;
+        settled = fit_coordinates(likelihood, &found, others.clone(), MOST_STEPS)?;
     }
     Some(settled)
 }

@@ -4,7 +4,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_plant::effect::Site;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::linearization::Linearization;
 use crate::likelihood::Likelihood;
@@ -89,7 +90,7 @@ impl<'a> ScoreTest<'a> {
         if aligned {
             (with.time_offset_s, quick.time_offset_s) = (0.0, 0.0);
         }
-        let slope = self.linearization.slope_of(likelihood, &with, |place, record| {
+        let slope = self.linearization.white_slope(likelihood, &with, |place, record| {
             let mut left = likelihood.residual(record, &quick, Split::Train)?;
             if let Some(offset) = chain.offsets.get(place) {
                 left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
@@ -113,7 +114,7 @@ mod tests {
         let pole = "[[effect]]\nkind = \"second_pole\"\nparameters = { time_constant_s = 0.012 }\n";
         let (likelihood, base) = likelihood(&records_with_command_rate(pole, (0.05, 1), (2000, 400)));
         let catalog = Catalog::standard();
-        let (likelihood, from) = settle(&likelihood, &Hypothesis::of_lags(base), true).unwrap();
+        let (likelihood, from) = settle(&likelihood, &Hypothesis::from_lags(base), true).unwrap();
         let likelihood = &likelihood;
         let score_test = ScoreTest::new(likelihood, &from).unwrap();
         assert!(score_test.in_rows.is_some());

@@ -9,7 +9,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rotorlead_fourier as fourier;
 
-use crate::data::dataset::{Record, Segment, Split};
+use crate::data::dataset::{Record, Segment};
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
@@ -26,12 +27,12 @@ pub(crate) struct Adjoint<'a> {
 
 impl<'a> Adjoint<'a> {
     /// Of what is fitted or else of what is held out.
-    pub fn of(likelihood: &'a Likelihood, record: &'a Record, hypothesis: &Hypothesis) -> Option<Self> {
-        Self::of_split(likelihood, record, hypothesis, record.segments.first()?.split)
+    pub fn new(likelihood: &'a Likelihood, record: &'a Record, hypothesis: &Hypothesis) -> Option<Self> {
+        Self::for_split(likelihood, record, hypothesis, record.segments.first()?.split)
     }
 
     /// The same of what is in a split. `None` where nothing is.
-    pub fn of_split(
+    pub fn for_split(
         likelihood: &'a Likelihood,
         record: &'a Record,
         hypothesis: &Hypothesis,

@@ -14,7 +14,8 @@
 
 use rayon::prelude::*;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
 use crate::likelihood::isolated_steps::{IsolatedStep, changes, isolated_steps};
@@ -30,7 +31,7 @@ const ERRORS: f64 = 8.0;
 pub(crate) fn evidence(likelihood: &Likelihood, hypothesis: &Hypothesis, split: Split) -> f64 {
     let frames = hypothesis.effects.iter().find(|effect| effect.is_hidden_hold());
     let Some(frame_s) = frames.and_then(frame_s) else { return 0.0 };
-    of_edges(likelihood, hypothesis, split, |edge| mean_over_waits(edge.product, edge.power, frame_s))
+    sum_over_isolated_steps(likelihood, hypothesis, split, |edge| mean_over_waits(edge.product, edge.power, frame_s))
 }
 
 /// Standard error of the logarithm of the rate of frames that do not show, where `std` is that of the curvature: what few changes say
@@ -39,7 +40,7 @@ pub(crate) fn with_scatter(likelihood: &Likelihood, hypothesis: &Hypothesis, fra
     let Some(frame_s) = frame_s(frames).filter(|_| frames.is_hidden_hold()) else { return std };
     // The mean wait, half a frame, is the mean of all waits, each weighted by what is known of it.
     let variance = (0.5 * frame_s * std).powi(2);
-    let squares = of_edges(likelihood, hypothesis, Split::Train, |edge| edge.power * edge.power);
+    let squares = sum_over_isolated_steps(likelihood, hypothesis, Split::Train, |edge| edge.power * edge.power);
     let scatter = variance * variance * squares * frame_s * frame_s / 12.0;
     (variance + scatter).sqrt() / (0.5 * frame_s)
 }
@@ -50,14 +51,14 @@ pub(crate) fn frame_s(frames: &Candidate) -> Option<f64> {
 }
 
 /// A sum over the changes that stand alone.
-fn of_edges(
+fn sum_over_isolated_steps(
     likelihood: &Likelihood,
     hypothesis: &Hypothesis,
     split: Split,
     of: impl Fn(&IsolatedStep) -> f64 + Sync,
 ) -> f64 {
     let of_record = |record: &Record| {
-        let adjoint = Adjoint::of_split(likelihood, record, hypothesis, split)?;
+        let adjoint = Adjoint::for_split(likelihood, record, hypothesis, split)?;
         Some(
             isolated_steps(record, &adjoint, &changes(record, adjoint.segment, hypothesis))
                 .iter()

@@ -17,8 +17,9 @@ use rayon::prelude::*;
 use rotorlead_plant::Trace;
 use rotorlead_records::Excitation;
 
-use crate::data::dataset::{Dataset, Record, Split};
+use crate::data::dataset::{Dataset, Record};
 use crate::data::plateaus::split::{StepSplit, is_fitted};
+use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::dot;
 use excess::{Excess, Term};
@@ -60,7 +61,7 @@ impl RecordWeights {
 /// The likelihood of one record.
 pub(crate) trait RecordLikelihood {
     /// Up to which row something is compared in a split; 0 where nothing is.
-    fn end_of(&self, split: Split) -> usize;
+    fn end(&self, split: Split) -> usize;
 
     /// The white residual over a split. `None` for values that no actuator has.
     fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>>;
@@ -139,7 +140,7 @@ impl Likelihood {
     }
 
     /// That of one record.
-    pub fn of<'a>(&'a self, record: &'a Record) -> Box<dyn RecordLikelihood + 'a> {
+    pub fn for_record<'a>(&'a self, record: &'a Record) -> Box<dyn RecordLikelihood + 'a> {
         match &*self.weights[record.place] {
             RecordWeights::Periodic(weights) => {
                 Box::new(Periodic::new(&self.data, record, weights, self.initial_condition))
@@ -168,7 +169,7 @@ impl Likelihood {
 
     /// Whether something of a record is in a split.
     pub fn has(&self, record: &Record, split: Split) -> bool {
-        self.of(record).end_of(split) > 0
+        self.for_record(record).end(split) > 0
     }
 
     /// The records of which something is in a split.
@@ -178,7 +179,7 @@ impl Likelihood {
 
     /// The white residual of one record over a split.
     pub fn residual(&self, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
-        self.of(record).residual(hypothesis, split)
+        self.for_record(record).residual(hypothesis, split)
     }
 
     /// Sum of squares of the white residuals over a split. `None` where the hypothesis is impossible.
@@ -193,7 +194,7 @@ impl Likelihood {
         of: impl Fn(&dyn RecordLikelihood) -> Option<f64> + Sync,
     ) -> Option<f64> {
         let parts: Option<Vec<f64>> =
-            self.compared(split).into_par_iter().map(|record| of(&*self.of(record))).collect();
+            self.compared(split).into_par_iter().map(|record| of(&*self.for_record(record))).collect();
         let sum = parts?.iter().sum::<f64>() + (hypothesis.time_offset_s / self.time_offset_std()).powi(2);
         sum.is_finite().then_some(sum)
     }
@@ -201,7 +202,7 @@ impl Likelihood {
     /// What a hypothesis leaves over noise.
     pub fn excess(&self, hypothesis: &Hypothesis, split: Split) -> Excess {
         let mut total = Excess::default();
-        let terms = self.data.records.iter().flat_map(|record| self.of(record).terms(hypothesis, split));
+        let terms = self.data.records.iter().flat_map(|record| self.for_record(record).terms(hypothesis, split));
         terms.for_each(|term| total.add(term.excess));
         total
     }
@@ -210,7 +211,7 @@ impl Likelihood {
     pub fn excess_share(&self, hypothesis: &Hypothesis, split: Split) -> f64 {
         let (mut over, mut noise) = (0.0, 0.0);
         for record in self.data.records.iter().filter(|record| self.has(record, split)) {
-            let of = self.of(record);
+            let of = self.for_record(record);
             over += of.terms(hypothesis, split).iter().map(|term| term.excess.over() * term.scale).sum::<f64>();
             noise += of.power(split).noise;
         }
@@ -230,7 +231,7 @@ impl Likelihood {
 
     /// The same records by the weights that a hypothesis gives; those of a record for which it is impossible stay.
     pub fn weighed(&self, hypothesis: &Hypothesis) -> Self {
-        let weighed = |record: &Record| match self.of(record).weighed(hypothesis) {
+        let weighed = |record: &Record| match self.for_record(record).weighed(hypothesis) {
             Some(weights) => Arc::new(weights),
             None => Arc::clone(&self.weights[record.place]),
         };
@@ -238,7 +239,7 @@ impl Likelihood {
     }
 
     /// The same with the errors that a hypothesis leaves of records that do not repeat. `None` where it is impossible.
-    pub fn with_errors_of(&self, hypothesis: &Hypothesis) -> Option<Self> {
+    pub fn with_errors_from(&self, hypothesis: &Hypothesis) -> Option<Self> {
         let weighed = |record: &Record| match self.plateaus(record) {
             Some(plateaus) => plateaus.weighed(hypothesis).map(Arc::new),
             None => Some(Arc::clone(&self.weights[record.place])),
@@ -248,7 +249,7 @@ impl Likelihood {
     }
 
     /// The same records with all that is compared fitted.
-    pub fn of_all(&self) -> Self {
+    pub fn with_all_fitted(&self) -> Self {
         let fitted = |weights: &Arc<RecordWeights>| match &**weights {
             RecordWeights::Plateaus(own) => Arc::new(RecordWeights::Plateaus(own.assigned(|_| Split::Train))),
             RecordWeights::Periodic(_) => Arc::clone(weights),
@@ -262,11 +263,11 @@ impl Likelihood {
     }
 
     /// Some records, the first period of what is fitted of them where they repeat.
-    pub fn of_one_period(&self, records: &[&Record]) -> Self {
+    pub fn first_period(&self, records: &[&Record]) -> Self {
         let mut weights = self.weights.clone();
         for record in records {
             if let RecordWeights::Periodic(own) = &*self.weights[record.place] {
-                weights[record.place] = Arc::new(RecordWeights::Periodic(own.of_one_period(record)));
+                weights[record.place] = Arc::new(RecordWeights::Periodic(own.first_period(record)));
             }
         }
         let shorter = records.iter().map(|record| record.with_one_period_fitted()).collect();
@@ -288,7 +289,7 @@ impl Likelihood {
             places.dedup();
             chosen.extend(places.into_iter().filter_map(|place| those.get(place)));
         }
-        (2 * chosen.len() <= fitted.len() && !chosen.is_empty()).then(|| self.of_one_period(&chosen))
+        (2 * chosen.len() <= fitted.len() && !chosen.is_empty()).then(|| self.first_period(&chosen))
     }
 
     /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no

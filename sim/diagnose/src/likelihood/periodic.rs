@@ -8,7 +8,8 @@ use rotorlead_plant::Trace;
 use super::excess::{Excess, Line, Term};
 use super::{Beside, InitialCondition, Power, RecordLikelihood, RecordWeights};
 use crate::data::auxiliary::AuxiliaryChannel;
-use crate::data::dataset::{Dataset, Record, Segment, Split};
+use crate::data::dataset::{Dataset, Record, Segment};
+use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
 
@@ -28,9 +29,9 @@ impl PeriodicWeights {
     }
 
     /// Those of the record's segments that are fitted, each for its first period alone.
-    pub fn of_one_period(&self, record: &Record) -> Self {
+    pub fn first_period(&self, record: &Record) -> Self {
         Self(
-            record.segments_of(Split::Train).map(|(place, segment)| self.0[place].shortened(segment.periods)).collect(),
+            record.segments_in(Split::Train).map(|(place, segment)| self.0[place].shortened(segment.periods)).collect(),
         )
     }
 }
@@ -56,7 +57,7 @@ impl<'a> Periodic<'a> {
     /// Its segments of a split, each with what makes its residual white.
     pub fn segments(&self, split: Split) -> impl Iterator<Item = (&'a Segment, &'a Whitening)> {
         let weights = self.weights;
-        self.record.segments_of(split).map(|(place, segment)| (segment, &weights.0[place]))
+        self.record.segments_in(split).map(|(place, segment)| (segment, &weights.0[place]))
     }
 
     fn whiten(&self, hypothesis: &Hypothesis, split: Split, difference: &[f64]) -> Vec<Complex64> {
@@ -105,13 +106,13 @@ impl<'a> Periodic<'a> {
 }
 
 impl RecordLikelihood for Periodic<'_> {
-    fn end_of(&self, split: Split) -> usize {
-        self.record.segments_of(split).map(|(_, segment)| segment.rows.end).max().unwrap_or(0)
+    fn end(&self, split: Split) -> usize {
+        self.record.segments_in(split).map(|(_, segment)| segment.rows.end).max().unwrap_or(0)
     }
 
     /// The state from which the record starts is compared only where that is asked for: else its decay is projected out.
     fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
-        Some(self.whiten(hypothesis, split, &self.difference(hypothesis, self.end_of(split))?))
+        Some(self.whiten(hypothesis, split, &self.difference(hypothesis, self.end(split))?))
     }
 
     fn by_gain(&self, hypothesis: &Hypothesis, split: Split, at: &[Complex64]) -> Option<Vec<Complex64>> {
@@ -144,7 +145,7 @@ impl RecordLikelihood for Periodic<'_> {
 
     fn terms(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term> {
         let record = self.record;
-        if self.end_of(split) == 0 {
+        if self.end(split) == 0 {
             return Vec::new();
         }
         let Some(white) = self.residual(hypothesis, split) else { return Vec::new() };
@@ -206,7 +207,7 @@ impl RecordLikelihood for Periodic<'_> {
     }
 
     fn squares(&self, hypothesis: &Hypothesis, tau_s: f64, split: Split) -> Option<f64> {
-        let simulated = hypothesis.simulate(self.data, self.record, self.end_of(split)).ok()?;
+        let simulated = hypothesis.simulate(self.data, self.record, self.end(split)).ok()?;
         let of_segment = |segment: &Segment| {
             let rows = segment.rows.clone();
             let (time_s, measured) = (&self.record.time_s[rows.clone()], &self.record.measured[rows.clone()]);
@@ -218,7 +219,7 @@ impl RecordLikelihood for Periodic<'_> {
     }
 
     fn change(&self, one: &Hypothesis, other: &Hypothesis, tau_s: f64, split: Split) -> Option<f64> {
-        let end = self.end_of(split);
+        let end = self.end(split);
         let one = one.simulate(self.data, self.record, end).ok()?;
         let other = other.simulate(self.data, self.record, end).ok()?;
         let of_segment = |segment: &Segment| {

@@ -13,10 +13,11 @@ use rotorlead_plant::Trace;
 use super::excess::{Excess, Term};
 use super::{Beside, Power, RecordLikelihood, RecordWeights};
 use crate::data::columns::Channel;
-use crate::data::dataset::{Dataset, Record, Split};
-use crate::data::plateaus::{Group, Log};
+use crate::data::dataset::{Dataset, Record};
+use crate::data::plateaus::groups::{Group, LogGroups};
+use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
-use crate::noise::plateau_errors::{Errors, Filter, Part, mean};
+use crate::noise::plateau_errors::{ComparedRows, Errors, Filter, mean};
 
 /// Parts of the time of a record.
 const TIMES: f64 = 10.0;
@@ -29,11 +30,11 @@ const MOST_OFF: f64 = 10.0;
 #[derive(Clone, Debug)]
 pub(crate) struct PlateauWeights {
     /// The record's plateaus.
-    log: Arc<Log>,
+    log: Arc<LogGroups>,
     /// What each group is for.
     splits: Vec<Split>,
     /// What of each group is compared, with the way that the response goes there.
-    parts: Vec<Part>,
+    parts: Vec<ComparedRows>,
     response: Filters,
     /// Of each column beside the response.
     channels: Vec<Filters>,
@@ -48,14 +49,14 @@ struct Filters {
 }
 
 impl Filters {
-    fn of(&self, split: Split) -> &Filter {
+    fn for_split(&self, split: Split) -> &Filter {
         if split == Split::Train { &self.train } else { &self.holdout }
     }
 }
 
 impl PlateauWeights {
     /// For errors that are not known yet, all groups for what the experiment says.
-    pub fn unit(log: &Arc<Log>, channels: usize) -> Self {
+    pub fn unit(log: &Arc<LogGroups>, channels: usize) -> Self {
         let weights = Self {
             log: Arc::clone(log),
             splits: log.groups.iter().map(|group| group.split).collect(),
@@ -81,7 +82,7 @@ impl PlateauWeights {
     fn filters(&self, errors: Errors, relative: bool) -> Filters {
         let filter = |split| {
             let parts = self.groups().zip(&self.parts).enumerate().filter(|(_, ((_, own), _))| *own == split);
-            let part = |(place, ((group, _), part)): (usize, ((&Group, Split), &Part))| {
+            let part = |(place, ((group, _), part)): (usize, ((&Group, Split), &ComparedRows))| {
                 let is_kept_out = |before: usize| self.splits[before] == Split::Holdout;
                 let enters = split == Split::Train && place.checked_sub(1).is_some_and(is_kept_out);
                 // The noise is that of the response.
@@ -115,7 +116,7 @@ impl PlateauWeights {
     fn weighed(mut self, residual: &[f64], simulated: &[f64]) -> Self {
         self.parts.iter_mut().for_each(|part| part.follow(simulated));
         let unweighed = self.filters(self.response.errors, true);
-        self.response = self.filters(unweighed.of(self.known_by()).errors_of(residual), true);
+        self.response = self.filters(unweighed.for_split(self.known_by()).errors(residual), true);
         self
     }
 
@@ -124,7 +125,7 @@ impl PlateauWeights {
         if self.log.has_free_map {
             return self.off_the_map(difference);
         }
-        let filter = self.response.of(self.known_by());
+        let filter = self.response.for_split(self.known_by());
         let ones = vec![1.0; time_s.len()];
         let begin_s = time_s.first().copied().unwrap_or_default();
         let decay_at = |time_s: &f64| if self.log.begins_settled { 0.0 } else { (-(time_s - begin_s) / tau_s).exp() };
@@ -205,7 +206,7 @@ impl<'a> Plateaus<'a> {
     }
 
     /// The plateaus.
-    pub fn log(&self) -> &'a Log {
+    pub fn log(&self) -> &'a LogGroups {
         &self.weights.log
     }
 
@@ -228,7 +229,7 @@ impl<'a> Plateaus<'a> {
 
     /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
     pub fn levels_and_motion(&self, hypothesis: &Hypothesis, split: Split) -> Option<((f64, f64), Vec<f64>)> {
-        Some(self.weights.response.of(split).squares(&self.left(hypothesis)?))
+        Some(self.weights.response.for_split(split).squares(&self.left(hypothesis)?))
     }
 
     /// Sum of squares of the rows of the record that a row stands for.
@@ -244,7 +245,7 @@ impl<'a> Plateaus<'a> {
 
     /// What a model leaves of a column beside the sum of its predictions that comes nearest, by the rows that are fitted where there
     /// are such.
-    fn left_of(&self, channel: &Channel, filter: &Filter, trace: &Trace) -> Vec<f64> {
+    fn residual_of(&self, channel: &Channel, filter: &Filter, trace: &Trace) -> Vec<f64> {
         let columns = channel.column.predicted(trace, channel.measured.len());
         let white: Vec<Vec<f64>> = columns.iter().map(|column| filter.apply(column)).collect();
         let measured = filter.apply(&channel.measured);
@@ -263,20 +264,20 @@ impl<'a> Plateaus<'a> {
 }
 
 impl RecordLikelihood for Plateaus<'_> {
-    fn end_of(&self, split: Split) -> usize {
+    fn end(&self, split: Split) -> usize {
         if self.weights.has(split) { self.record.time_s.len() } else { 0 }
     }
 
     fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
-        let white = self.weights.response.of(split).apply(&self.left(hypothesis)?);
+        let white = self.weights.response.for_split(split).apply(&self.left(hypothesis)?);
         Some(white.into_iter().map(Complex64::from).collect())
     }
 
     fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
         let known_by = self.weights.known_by();
         let of_channel = |(channel, filters): (&Channel, &Filters)| {
-            let filter = filters.of(known_by);
-            let white = filter.apply(&self.left_of(channel, filter, trace));
+            let filter = filters.for_split(known_by);
+            let white = filter.apply(&self.residual_of(channel, filter, trace));
             Beside { white: white.into_iter().map(Complex64::from).collect(), numbers: filter.numbers() }
         };
         Some(self.channels().map(of_channel).collect())
@@ -291,8 +292,8 @@ impl RecordLikelihood for Plateaus<'_> {
             let known_by = weights.known_by();
             let of_channel = |(channel, old): (&Channel, &Filters)| {
                 let unweighed = weights.filters(old.errors, false);
-                let filter = unweighed.of(known_by);
-                weights.filters(filter.errors_of(&self.left_of(channel, filter, &trace)), false)
+                let filter = unweighed.for_split(known_by);
+                weights.filters(filter.errors(&self.residual_of(channel, filter, &trace)), false)
             };
             weights.channels = self.channels().map(of_channel).collect();
         }

@@ -1,9 +1,7 @@
 //! An effect that may be there, with its values, and where searches of them start.
 
 use rotorlead_numerics::extremum::Parabola;
-use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
-
-use super::frame_hold;
+use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Search, Site, Use};
 
 /// Part of its plausible range by which a value may lie beyond it, being an estimate.
 pub(crate) const AT_MOST_OFF: f64 = 0.1;
@@ -47,7 +45,7 @@ impl Candidate {
 
     /// Whether it has frames.
     pub fn has_frames(&self) -> bool {
-        frame_hold::has_frames(self.kind)
+        self.kind.search == Search::Frames
     }
 
     /// Whether it has frames that may lie anywhere.

@@ -1,17 +1,11 @@
 //! Frames of an ESC that may lie anywhere.
 
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::{Kind, Search};
 
 use super::candidate::Candidate;
 
 /// Place of the phase among the values of the kind.
 pub(crate) const PHASE: usize = 1;
-
-/// Whether a kind has frames.
-pub(crate) fn has_frames(kind: &Kind) -> bool {
-    kind.search == Search::Frames
-}
 
 /// Two delays whose mean is what frames of this rate do where they may lie anywhere: a wait that is uniform over a frame. The
 /// points are Gauss's, right up to the third power of frequency over rate.

@@ -80,7 +80,7 @@ pub(crate) enum Coordinate {
 
 impl Hypothesis {
     /// Lags only.
-    pub fn of_lags(base: Vec<BasePoint>) -> Self {
+    pub fn from_lags(base: Vec<BasePoint>) -> Self {
         Self {
             base,
             time_offset_s: 0.0,
@@ -93,7 +93,7 @@ impl Hypothesis {
 
     /// The same with what logs show: no time constant that is much shorter than the time between rows, and no gain where the static
     /// map is free.
-    pub fn of_what_shows(mut self, data: &Dataset) -> Self {
+    pub fn limited_by(mut self, data: &Dataset) -> Self {
         self.has_free_map = data.records.iter().all(Record::has_free_map);
         // Of several records that with the shortest interval shows most.
         let shortest = data.records.iter().map(Record::least_time_constant_s).fold(f64::INFINITY, f64::min);
@@ -406,7 +406,7 @@ impl Hypothesis {
         }
         Catalog::standard().sort(&mut effects);
         let timing = EscTiming { frame_hz: data.esc_frame_hz, frame_phase: 0.0 };
-        let actuator = match data.curve_of(record) {
+        let actuator = match data.operating_curve(record) {
             Some((curve, given)) => {
                 // The numbers of the level, all off by the part by which those at the nominal command are.
                 let off = |found: f64, given: f64| found / given - 1.0;

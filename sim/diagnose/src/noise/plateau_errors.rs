@@ -44,7 +44,7 @@ impl Default for Errors {
 
 /// What of a group is compared.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub(crate) struct ComparedRows {
     /// Settled rows, without those that are not compared; empty without a level.
     pub settled: Vec<usize>,
     /// The same of the plateau before.
@@ -67,7 +67,7 @@ pub(crate) struct Part {
     pub stalled: Range<usize>,
 }
 
-impl Default for Part {
+impl Default for ComparedRows {
     fn default() -> Self {
         Self {
             settled: Vec::new(),
@@ -84,7 +84,7 @@ impl Default for Part {
     }
 }
 
-impl Part {
+impl ComparedRows {
     /// Leaves out the motion after the logger stood still: such a logger reads what is old when it goes on, and catches up
     /// faster than any motor. Gives the number of rows.
     pub fn cut_after_stall(&mut self) -> usize {
@@ -105,7 +105,7 @@ impl Part {
     }
 
     /// How far a response goes.
-    pub fn step_of(&self, response: &[f64]) -> f64 {
+    pub fn step(&self, response: &[f64]) -> f64 {
         (mean(response, &self.settled) - mean(response, &self.before)).abs()
     }
 
@@ -134,14 +134,14 @@ pub(crate) fn mean(values: &[f64], rows: &[usize]) -> f64 {
 /// The parts of one split with their errors.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
-    parts: Vec<Part>,
+    parts: Vec<ComparedRows>,
     errors: Errors,
 }
 
 impl Filter {
     /// `relative` where the size of the step counts.
-    pub fn new(errors: Errors, parts: impl Iterator<Item = Part>, relative: bool) -> Self {
-        let alone = |part| Part { size: 1.0, independent_level: 1.0, level_std: 0.0, ..part };
+    pub fn new(errors: Errors, parts: impl Iterator<Item = ComparedRows>, relative: bool) -> Self {
+        let alone = |part| ComparedRows { size: 1.0, independent_level: 1.0, level_std: 0.0, ..part };
         let sized = parts.map(|part| if relative { part } else { alone(part) });
         Self { parts: sized.collect(), errors }
     }
@@ -188,13 +188,14 @@ impl Filter {
 
     /// How many independent numbers are compared.
     pub fn numbers(&self) -> f64 {
-        let of_part =
-            |part: &Part| part.independent() + if part.settled.is_empty() { 0.0 } else { part.independent_level };
+        let of_part = |part: &ComparedRows| {
+            part.independent() + if part.settled.is_empty() { 0.0 } else { part.independent_level }
+        };
         self.parts.iter().map(of_part).sum()
     }
 
     /// The errors that values have.
-    pub fn errors_of(&self, values: &[f64]) -> Errors {
+    pub fn errors(&self, values: &[f64]) -> Errors {
         let [level, moving] = self.mean_squares(values).map(|(_, square)| square.sqrt());
         Errors { level, moving }
     }
@@ -221,32 +222,38 @@ const MOST_OF_THE_WAY: f64 = 0.63;
 
 /// Sets the sizes of steps, and for how long they are compared, from the response that was measured; `after_gaps` are the rows
 /// before which the logger stood still. Gives the time in which the response goes most of the usual step.
-pub(crate) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64], after_gaps: &[usize]) -> Option<f64> {
-    let is_step = |part: &&Part| !part.settled.is_empty() && !part.before.is_empty();
-    let sizes = parts.iter().filter(is_step).map(|part| part.step_of(measured));
+pub(crate) fn measure(
+    parts: &mut [ComparedRows],
+    time_s: &[f64],
+    measured: &[f64],
+    after_gaps: &[usize],
+) -> Option<f64> {
+    let is_step = |part: &&ComparedRows| !part.settled.is_empty() && !part.before.is_empty();
+    let sizes = parts.iter().filter(is_step).map(|part| part.step(measured));
     let usual = median(sizes).filter(|usual| *usual > 0.0)?;
-    let since = |part: &Part, row: usize| part.moving.first().map_or(0.0, |(first, _)| time_s[row] - time_s[*first]);
-    let first_gap = |part: &Part| {
+    let since =
+        |part: &ComparedRows, row: usize| part.moving.first().map_or(0.0, |(first, _)| time_s[row] - time_s[*first]);
+    let first_gap = |part: &ComparedRows| {
         let (first, last) = (part.moving.first()?.0, part.moving.last()?.0);
         after_gaps.iter().copied().find(|row| (first..=last).contains(row))
     };
-    let most_of_the_way = |part: &Part| {
-        let (before, most) = (mean(measured, &part.before), MOST_OF_THE_WAY * part.step_of(measured));
+    let most_of_the_way = |part: &ComparedRows| {
+        let (before, most) = (mean(measured, &part.before), MOST_OF_THE_WAY * part.step(measured));
         let (there, _) = part.moving.iter().find(|(row, _)| (measured[*row] - before).abs() > most)?;
         let stalls = first_gap(part).is_some_and(|gap| gap <= *there);
         Some((stalls, since(part, *there)))
     };
-    let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
+    let large = parts.iter().filter(is_step).filter(|part| part.step(measured) >= LEAST_SIZE * usual);
     let rises: Vec<(bool, f64)> = large.filter_map(most_of_the_way).collect();
     // Steps during which the logger stood still say little of how long they take.
     let shown = median(rises.iter().filter(|(stalls, _)| !stalls).map(|(_, rise_s)| *rise_s));
     let rise_s = shown.or_else(|| median(rises.iter().map(|(_, rise_s)| *rise_s))).filter(|time_s| *time_s > 0.0);
     for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
-        part.size = part.step_of(measured).max(LEAST_SIZE * usual);
+        part.size = part.step(measured).max(LEAST_SIZE * usual);
         let Some(rise_s) = rise_s else { continue };
         // Nobody knows where in its interval a row was taken: a uniform error of one row has this standard deviation.
         let interval_s = part.moving.first().map_or(0.0, |(first, _)| time_s[*first] - time_s[first.saturating_sub(1)]);
-        part.left = part.step_of(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
+        part.left = part.step(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
         let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= MOVES_FOR * rise_s).count();
         part.moving.truncate(moves);
         if let Some(gap) = first_gap(part) {
@@ -257,7 +264,7 @@ pub(crate) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64], afte
 }
 
 /// The rows of a range that are compared.
-pub(crate) fn rows_of(range: Range<usize>, kept: &[bool]) -> Vec<usize> {
+pub(crate) fn kept_rows(range: Range<usize>, kept: &[bool]) -> Vec<usize> {
     range.filter(|row| kept[*row]).collect()
 }
 
@@ -268,7 +275,8 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, ..Part::default() };
+        let mut part =
+            ComparedRows { settled: (15..20).collect(), before: (0..10).collect(), moving, ..ComparedRows::default() };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
@@ -294,7 +302,7 @@ mod tests {
         let white = entered.apply(&off);
         // Over the error of a level and the noise of a row: the root of 0.25 + 1.44.
         assert!((white[0] - 0.6).abs() < 1e-12 && (white[1] - 2.0).abs() < 1e-12 && white.len() == 7, "{white:?}");
-        assert!((entered.errors_of(&off).level - 0.3).abs() < 1e-12);
+        assert!((entered.errors(&off).level - 0.3).abs() < 1e-12);
     }
 
     #[test]
@@ -303,6 +311,6 @@ mod tests {
         off[10..15].fill(0.1);
         let sum: f64 = filter().apply(&off).iter().map(|left| left * left).sum();
         assert!((sum - PER_STEP * 0.01).abs() < 1e-12, "{sum}");
-        assert!((filter().errors_of(&off).moving - 0.1).abs() < 1e-12);
+        assert!((filter().errors(&off).moving - 0.1).abs() < 1e-12);
     }
 }

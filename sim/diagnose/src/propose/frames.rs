@@ -19,7 +19,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_fourier as fourier;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::frame_rate::{at_rate, refined};
 use crate::likelihood::adjoint::Adjoint;
@@ -204,7 +205,7 @@ fn placed(
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
     fn from_record(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Self> {
-        let adjoint = Adjoint::of(likelihood, record, hypothesis)?;
+        let adjoint = Adjoint::new(likelihood, record, hypothesis)?;
         let segment = adjoint.segment;
         let rows = segment.rows.len();
         let changes = changes(record, segment, hypothesis);

@@ -6,7 +6,7 @@
 use rotorlead_plant::effect::Kind;
 
 use super::scan::Scan;
-use super::{Proposal, Starts, Values};
+use super::{ByPlausibleRange, Proposal, Starts};
 use crate::data::dataset::Record;
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
@@ -22,7 +22,7 @@ pub(super) struct Limit;
 
 impl Proposal for Limit {
     fn starts(&self, likelihood: &Likelihood, from: &Fit, scan: &Scan, kind: &'static Kind) -> Starts {
-        let mut starts = Values.starts(likelihood, from, scan, kind);
+        let mut starts = ByPlausibleRange.starts(likelihood, from, scan, kind);
         if !likelihood.data.has_logs() {
             starts.candidates.extend(below_the_highest(likelihood, kind));
         }

@@ -16,7 +16,7 @@ use scan::Scan;
 
 /// Where a search begins, and how it goes on.
 pub(crate) struct Starts {
-    /// Values to begin with.
+    /// ByPlausibleRange to begin with.
     pub candidates: Vec<Candidate>,
     /// Whether the best of them lies in a narrow valley, which has to be followed down.
     pub is_in_valley: bool,
@@ -47,14 +47,14 @@ pub(crate) trait Proposal: Sync {
 }
 
 /// By starts and plausible ranges alone.
-struct Values;
+struct ByPlausibleRange;
 
-impl Proposal for Values {}
+impl Proposal for ByPlausibleRange {}
 
 /// How a kind is looked for.
-pub(crate) fn of(kind: &Kind) -> &'static dyn Proposal {
+pub(crate) fn proposal_for(kind: &Kind) -> &'static dyn Proposal {
     match kind.search {
-        Search::Values | Search::Frames => &Values,
+        Search::Values | Search::Frames => &ByPlausibleRange,
         Search::Steps => &quantizer_step::QuantizerStep,
         Search::Peak => &peak::Peak,
         Search::Limit => &limit::Limit,

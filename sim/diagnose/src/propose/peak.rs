@@ -22,8 +22,9 @@ use rotorlead_plant::effect::{Kind, Parameter, Scale};
 use rotorlead_plant::{Lag, OperatingPoint};
 
 use super::scan::Scan;
-use super::{Proposal, Starts, Values};
-use crate::data::dataset::{Record, Split};
+use super::{ByPlausibleRange, Proposal, Starts};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
@@ -43,7 +44,7 @@ impl Proposal for Peak {
     fn starts(&self, likelihood: &Likelihood, from: &Fit, scan: &Scan, kind: &'static Kind) -> Starts {
         let candidates = modes(likelihood, from, kind);
         if candidates.is_empty() {
-            return Values.starts(likelihood, from, scan, kind);
+            return ByPlausibleRange.starts(likelihood, from, scan, kind);
         }
         Starts { candidates, is_in_valley: false }
     }
@@ -80,10 +81,10 @@ fn modes(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candida
         grid.into_par_iter().filter_map(|values| bands.evaluate(kind, size, values)).collect();
     evaluated.sort_by(|a, b| b.0.total_cmp(&a.0));
     // The loudest that lie apart.
-    let apart = part_of(parameter, parameter.plausible.1) / (4 * parameter.starts.len()) as f64;
+    let apart = share_of_range(parameter, parameter.plausible.1) / (4 * parameter.starts.len()) as f64;
     let mut found: Vec<Candidate> = Vec::new();
     for (_, candidate) in evaluated {
-        let part = |candidate: &Candidate| part_of(parameter, candidate.values[finest]);
+        let part = |candidate: &Candidate| share_of_range(parameter, candidate.values[finest]);
         if found.len() < PLACES && !found.iter().any(|other| (part(other) - part(&candidate)).abs() < apart) {
             found.push(candidate);
         }
@@ -101,7 +102,7 @@ fn at_part(parameter: &Parameter, part: f64) -> f64 {
 }
 
 /// The part of the range at which a value lies.
-fn part_of(parameter: &Parameter, value: f64) -> f64 {
+fn share_of_range(parameter: &Parameter, value: f64) -> f64 {
     let (low, high) = parameter.plausible;
     match parameter.scale {
         Scale::Log => (value / low).ln() / (high / low).ln(),
@@ -132,11 +133,11 @@ struct PointBands {
 
 impl Bands {
     fn gather(likelihood: &Likelihood, fit: &Fit) -> Option<Self> {
-        let compared = |record: &&Record| record.segments_of(Split::Train).next().is_some();
+        let compared = |record: &&Record| record.segments_in(Split::Train).next().is_some();
         let those: Vec<&Record> = likelihood.data.records.iter().filter(compared).collect();
         let parts: Vec<(usize, RecordBands)> = those
             .into_par_iter()
-            .map(|record| Some((record.point, of_record(likelihood, record, fit)?)))
+            .map(|record| Some((record.point, record_bands(likelihood, record, fit)?)))
             .collect::<Option<_>>()?;
         let mut places: Vec<i64> = parts.iter().flat_map(|(_, bands)| bands.keys().copied()).collect();
         places.sort_unstable();
@@ -214,10 +215,10 @@ impl PointBands {
 }
 
 /// Products and powers of one record by band.
-fn of_record(likelihood: &Likelihood, record: &Record, fit: &Fit) -> Option<RecordBands> {
+fn record_bands(likelihood: &Likelihood, record: &Record, fit: &Fit) -> Option<RecordBands> {
     let white = likelihood.residual(record, &fit.hypothesis, Split::Train)?;
     let simulated =
-        fit.hypothesis.simulate(&likelihood.data, record, likelihood.of(record).end_of(Split::Train)).ok()?;
+        fit.hypothesis.simulate(&likelihood.data, record, likelihood.for_record(record).end(Split::Train)).ok()?;
     let mut bands = RecordBands::new();
     let mut white = &white[..];
     for (segment, whitening) in likelihood.periodic(record)?.segments(Split::Train) {

@@ -67,7 +67,7 @@ fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candida
         .records
         .par_iter()
         .filter_map(|record| {
-            let adjoint = Adjoint::of(likelihood, record, &fit.hypothesis).filter(Adjoint::is_fitted)?;
+            let adjoint = Adjoint::new(likelihood, record, &fit.hypothesis).filter(Adjoint::is_fitted)?;
             let applied = applied(record, adjoint.segment, &fit.hypothesis).1;
             // The few levels of a square wave suit every other grid.
             if applied.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
@@ -138,7 +138,7 @@ mod tests {
             values[0] = value;
             Candidate::new(kind, values)
         };
-        let lags = Hypothesis::of_lags(base);
+        let lags = Hypothesis::from_lags(base);
         let start = lags.with(of("transport_delay", 0.015)).with(of("clock_skew", 1000.0));
         let (likelihood, beside) = settle(&likelihood, &start, true).unwrap();
         let loudest = steps(&likelihood, &beside, catalog.find("command_quantization").unwrap());

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use rotorlead_plant::effect::Kind;
 use rotorlead_records::Excitation;
 
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Record;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::score_test::ScoreTest;
 use crate::likelihood::Likelihood;
@@ -50,7 +51,7 @@ impl<'a> Scan<'a> {
         let records: Option<Vec<_>> = chosen
             .into_iter()
             .map(|record| {
-                let of_record = likelihood.of_one_period(&[record]);
+                let of_record = likelihood.first_period(&[record]);
                 let score_test = ScoreTest::new(&of_record, from)?;
                 Some((of_record, score_test))
             })

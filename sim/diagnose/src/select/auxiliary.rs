@@ -2,7 +2,7 @@
 
 use crate::data::dataset::Record;
 use crate::estimate::fit::Fit;
-use crate::estimate::prediction::{STEPS, deviance_of};
+use crate::estimate::prediction::{STEPS, white_deviance};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
@@ -17,14 +17,14 @@ pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<
         if hypothesis.in_rows {
             return None;
         }
-        likelihood.of(record).beside(&hypothesis.trace(&likelihood.data, record)?)
+        likelihood.for_record(record).beside(&hypothesis.trace(&likelihood.data, record)?)
     };
     let white = |record: &Record, hypothesis: &Hypothesis| {
         Some(beside(record, hypothesis)?.into_iter().flat_map(|column| column.white).collect())
     };
     let of_record = |record: &&Record| beside(record, &fits.first()?.hypothesis);
     let numbers: f64 = records.iter().filter_map(of_record).flatten().map(|column| column.numbers).sum();
-    let squares: Option<Vec<f64>> = fits.iter().map(|fit| deviance_of(&records, (fit, STEPS), white)).collect();
+    let squares: Option<Vec<f64>> = fits.iter().map(|fit| white_deviance(&records, (fit, STEPS), white)).collect();
     (!records.is_empty()).then(|| Some(gains(&squares?, numbers))).flatten()
 }
 

@@ -3,13 +3,14 @@
 use rotorlead_plant::effect::{Kind, Site};
 
 use super::auxiliary::auxiliary_gains;
-use super::beam::{Member, Pool, without};
+use super::pool::{Member, Pool, without};
 use crate::estimate::fit::{Fit, fit};
 use crate::estimate::profile::MOVES;
 use crate::model::candidate::Candidate;
 use crate::policy::POLICY;
 use crate::propose;
-use crate::select::explain::{Found, Search};
+use crate::select::explanation::FoundEffect;
+use crate::select::search::Search;
 
 /// A member that may be.
 #[derive(Clone, Copy)]
@@ -23,7 +24,7 @@ struct Near<'a> {
 
 impl Search<'_> {
     /// The member whose effects are named: that of the most evidence, where each name costs what the law of another may be off by.
-    pub fn chosen(&self, pool: &Pool) -> Option<(Member, Vec<Found>)> {
+    pub fn chosen(&self, pool: &Pool) -> Option<(Member, Vec<FoundEffect>)> {
         let near = self.near_the_best(pool)?;
         let best = near.iter().filter(|one| one.is_borne_out).max_by(|a, b| a.score.total_cmp(&b.score))?;
         let (own, chosen) = match self.as_delay(pool, best.member) {
@@ -35,7 +36,7 @@ impl Search<'_> {
     }
 
     /// The kinds of the chosen member, with what each is worth and what would do as well. `None` where nothing can be said without one.
-    fn found(&self, pool: &Pool, (own, chosen): (f64, &Member), near: &[Near]) -> Option<Vec<Found>> {
+    fn found(&self, pool: &Pool, (own, chosen): (f64, &Member), near: &[Near]) -> Option<Vec<FoundEffect>> {
         let kinds = chosen.kinds();
         let of_effect = |(place, effect): (usize, &Candidate)| {
             let rest = without(&kinds, effect.kind);
@@ -50,7 +51,7 @@ impl Search<'_> {
                 member.kinds().into_iter().filter(is_new).map(move |kind| (kind, (own - score).exp()))
             });
             let (alternatives, odds) = others.unzip();
-            Some(Found { kind: effect.kind, score: self.worth(pool, chosen, place)?.lost, alternatives, odds })
+            Some(FoundEffect { kind: effect.kind, score: self.worth(pool, chosen, place)?.lost, alternatives, odds })
         };
         chosen.fit.hypothesis.effects.iter().enumerate().map(of_effect).collect()
     }
@@ -92,7 +93,7 @@ impl Search<'_> {
         let mut same = without(&chosen.kinds(), hold);
         same.push(delay);
         same.sort_by_key(|kind| kind.id);
-        pool.of(&same).filter(|same| chosen.evidence - same.evidence < POLICY.alike)
+        pool.get(&same).filter(|same| chosen.evidence - same.evidence < POLICY.alike)
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on
@@ -100,7 +101,7 @@ impl Search<'_> {
     fn with_whole_steps(&self, found: &Fit) -> Fit {
         let mut whole = found.hypothesis.clone();
         for effect in &mut whole.effects {
-            if let Some(rounded) = propose::of(effect.kind).rounded(effect) {
+            if let Some(rounded) = propose::proposal_for(effect.kind).rounded(effect) {
                 *effect = rounded;
             }
         }

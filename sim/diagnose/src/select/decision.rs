@@ -3,8 +3,8 @@
 use rotorlead_plant::effect::Kind;
 use serde::Serialize;
 
-use super::beam::{Member, Pool, without};
-use crate::select::explain::Search;
+use super::pool::{Member, Pool, without};
+use crate::select::search::Search;
 use crate::select::weak_evidence::WeakEvidence;
 
 /// What became of a kind in records that do not repeat.
@@ -51,7 +51,7 @@ impl Search<'_> {
                 kinds
             };
             let is_added = named.contains(&kind);
-            let tried = if is_added { chosen } else { pool.of(&more(kind)).unwrap_or(member) };
+            let tried = if is_added { chosen } else { pool.get(&more(kind)).unwrap_or(member) };
             let place = tried.fit.hypothesis.effects.iter().position(|effect| effect.kind == kind)?;
             let worth = self.worth(pool, tried, place)?;
             let mut failed = worth.failed;
@@ -68,7 +68,7 @@ impl Search<'_> {
                 is_added,
             })
         };
-        let mut decisions: Vec<Decision> = pool.of_size(1).filter_map(of_kind).collect();
+        let mut decisions: Vec<Decision> = pool.with_size(1).filter_map(of_kind).collect();
         for WeakEvidence { kind, evidence } in promised {
             if decisions.iter().all(|decision| decision.kind != *kind) {
                 decisions.push(Decision {

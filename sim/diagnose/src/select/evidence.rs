@@ -16,7 +16,7 @@ use std::f64::consts::{LN_2, TAU};
 
 use nalgebra::DMatrix;
 
-use crate::data::dataset::Split;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::likelihood::{Likelihood, hold_delay};
 use crate::model::candidate::Candidate;
@@ -74,11 +74,12 @@ fn occam(fit: &Fit) -> f64 {
 fn jumps(likelihood: &Likelihood, effect: &Candidate) -> f64 {
     if !effect.phases.is_empty() {
         // The rate, and a phase for each record.
-        return propose::of(effect.kind).places(effect.kind).max(RATES).ln() + likelihood.data.records.len() as f64;
+        return propose::proposal_for(effect.kind).places(effect.kind).max(RATES).ln()
+            + likelihood.data.records.len() as f64;
     }
     if !effect.is_non_smooth() {
         return 0.0;
     }
     let shapes = effect.kind.shape().filter(|_| effect.bends).map_or(1.0, |(_, shape)| f64::from(shape.pieces));
-    (propose::of(effect.kind).places(effect.kind) * shapes).ln() + 1.0
+    (propose::proposal_for(effect.kind).places(effect.kind) * shapes).ln() + 1.0
 }

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::beam::{FIRST, Member, Pool};
-use crate::data::dataset::Split;
+use super::beam::FIRST;
+use super::pool::{Member, Pool};
+use crate::data::split::Split;
 use crate::estimate::fit::{Fit, fit, fit_in};
 use crate::estimate::frame_rate;
 use crate::likelihood::hold_delay;
@@ -11,8 +12,8 @@ use crate::model::candidate::Candidate;
 use crate::policy::POLICY;
 use crate::propose::frames;
 use crate::propose::scan::Scan;
-use crate::select::explain::Search;
 use crate::select::screen::Look;
+use crate::select::search::Search;
 
 /// Members of a size that are fitted to the end, and of one kind that are bent.
 const FINISHED: usize = 3;
@@ -30,8 +31,8 @@ const NEARER_STEPS: u32 = 3;
 impl Search<'_> {
     /// Fits the best members of a size to the end.
     pub fn finish(&self, pool: &mut Pool, size: usize) {
-        let Some(best) = pool.of_size(size).next() else { return };
-        let near = pool.of_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < POLICY.alike);
+        let Some(best) = pool.with_size(size).next() else { return };
+        let near = pool.with_size(size).take(FINISHED).filter(|one| best.evidence - one.evidence < POLICY.alike);
         let to_end = |one: &Member| fit(&self.likelihood, &one.fit.hypothesis, self.lags);
         let finished: Vec<Member> = near.filter_map(to_end).map(|fit| self.finished_member(fit)).collect();
         finished.into_iter().for_each(|member| pool.replace(member));
@@ -39,15 +40,15 @@ impl Search<'_> {
 
     /// Whether the best of a size that is plausible leaves nothing but noise.
     pub fn explains(&self, pool: &Pool, size: usize) -> bool {
-        pool.of_size(size).find(|one| self.is_plausible(one)).is_some_and(|one| self.is_noise(&one.fit))
+        pool.with_size(size).find(|one| self.is_plausible(one)).is_some_and(|one| self.is_noise(&one.fit))
     }
 
     /// Bends the laws of the best of a size.
     pub fn bend(&self, pool: &mut Pool, size: usize) {
-        let Some(best) = pool.of_size(size).next() else { return };
-        let zero = pool.of(&[]).map_or(0.0, |zero| zero.evidence);
+        let Some(best) = pool.with_size(size).next() else { return };
+        let zero = pool.get(&[]).map_or(0.0, |zero| zero.evidence);
         let half = 0.5 * (best.evidence + zero);
-        let bending = pool.of_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
+        let bending = pool.with_size(size).take(if size == 1 { BENT } else { 1 }).filter(|one| one.evidence > half);
         let bent: Vec<Member> = bending
             .flat_map(|one| {
                 let behind = best.evidence - one.evidence;

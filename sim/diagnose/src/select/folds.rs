@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::data::dataset::Split;
+use crate::data::split::Split;
 use crate::estimate::fit::fit_in;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;

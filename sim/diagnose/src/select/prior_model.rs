@@ -2,12 +2,14 @@
 
 use rotorlead_identify::estimate::Estimate;
 
-use crate::data::dataset::{Dataset, Split};
+use crate::data::dataset::Dataset;
+use crate::data::split::Split;
 use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::policy::POLICY;
-use crate::select::explain::{Explanation, Search};
+use crate::select::explanation::Explanation;
+use crate::select::search::Search;
 
 /// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
 /// alone exceeds it once in 100 times.
@@ -38,7 +40,7 @@ pub(crate) fn compared(
     let given = Hypothesis { base: base.to_vec(), ..explanation.after.hypothesis.clone() };
     let with_effects = fit(&search.likelihood, &given, false)?;
     let mut wrong = wrong_numbers(base, &with_effects, &explanation.after);
-    let of_lags = Hypothesis::of_lags(base.to_vec());
+    let of_lags = Hypothesis::from_lags(base.to_vec());
     if wrong.is_some()
         && explanation.found.is_empty()
         && let Some(other) = beside_given(search, untouched, &with_effects, &explanation.after)

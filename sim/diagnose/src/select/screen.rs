@@ -13,7 +13,7 @@ use crate::model::hypothesis::Hypothesis;
 use crate::policy::POLICY;
 use crate::propose::scan::Scan;
 use crate::propose::{self, collapsed};
-use crate::select::explain::Search;
+use crate::select::search::Search;
 
 /// Share of the least score that the screening has to promise.
 const PROMISED: f64 = 0.7;
@@ -184,7 +184,7 @@ impl Search<'_> {
     ) -> Looked<'a, 'b, 'c> {
         // What is slow shows over all of a record.
         let first = first.filter(|_| kind.linearity != Linearity::Absent || kind.site <= Site::Rotor);
-        let starts = propose::of(kind).starts(&self.likelihood, from, scan, kind);
+        let starts = propose::proposal_for(kind).starts(&self.likelihood, from, scan, kind);
         let is_misaligned = from.has_time_offset(&self.likelihood);
         let (is_in_valley, by) = (starts.is_in_valley, first.unwrap_or(all));
         let mut looked = Looked { kind, by, is_misaligned, is_in_valley, evaluated: Vec::new() };

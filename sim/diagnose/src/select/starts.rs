@@ -15,15 +15,16 @@
 //! An effect with which `s` vanishes is better by the logarithm, and by no more: that all begins are off for reasons of their own stays
 //! possible.
 
-use super::beam::Member;
 use super::evidence::evidence;
+use super::pool::Member;
 use crate::data::dataset::Record;
 use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::excess::Excess;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
 use crate::policy::POLICY;
-use crate::select::explain::{Found, Search};
+use crate::select::explanation::FoundEffect;
+use crate::select::search::Search;
 
 /// Scatters that are tried, in parts of the swing: from well below what is ever seen to a begin anywhere, so many to a decade.
 const LEAST_SCATTER: f64 = 1e-4;
@@ -68,7 +69,7 @@ fn deviance(off: &[Off]) -> f64 {
 impl Search<'_> {
     /// The effects with which all records begin where they should, where they do not with the lags alone, `before`. From then on the
     /// begins are compared. `None` where there are none. In the noise that `before` was fitted in.
-    pub fn explain_starts(&self, before: &Fit) -> Option<(Member, Vec<Found>)> {
+    pub fn explain_starts(&self, before: &Fit) -> Option<(Member, Vec<FoundEffect>)> {
         let off_before = off(&self.likelihood, &before.hypothesis);
         if are_as_before(&off_before) {
             return None;
@@ -106,7 +107,7 @@ mod tests {
         let (likelihood, base) = likelihood(records);
         let catalog = Catalog::standard();
         let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
-        let explanation = search.explain(&Hypothesis::of_lags(base)).unwrap();
+        let explanation = search.explain(&Hypothesis::from_lags(base)).unwrap();
         explanation.found.iter().map(|found| (found.kind.id, found.score)).collect()
     }
 

@@ -2,11 +2,11 @@
 
 use rotorlead_plant::effect::Kind;
 
-use super::beam::Pool;
+use super::pool::Pool;
 use crate::estimate::fit::Fit;
 use crate::model::candidate::AT_MOST_OFF;
 use crate::policy::POLICY;
-use crate::select::explain::Search;
+use crate::select::search::Search;
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]
@@ -44,6 +44,6 @@ impl Search<'_> {
             let (fitted_gain, held_out_gain, score) = (worth.fitted_gain, worth.held_out_gain, worth.lost);
             Some(Tried { kind, fit: member.fit.clone(), fitted_gain, held_out_gain, score })
         };
-        pool.of_size(1).filter_map(of_member).collect()
+        pool.with_size(1).filter_map(of_member).collect()
     }
 }

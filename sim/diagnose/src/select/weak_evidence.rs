@@ -49,7 +49,7 @@ impl fmt::Display for WeakEvidence {
 /// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
 /// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
 fn complexity_penalty(kind: &'static Kind) -> f64 {
-    Candidate::searched(kind).count() as f64 + propose::of(kind).places(kind).ln()
+    Candidate::searched(kind).count() as f64 + propose::proposal_for(kind).places(kind).ln()
 }
 
 /// What each kind would gain on `from`, as far as the linearization holds.

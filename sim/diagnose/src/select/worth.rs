@@ -5,15 +5,15 @@
 
 use rotorlead_plant::effect::{Parameter, Site};
 
-use super::beam::{Member, Pool, without};
 use super::folds;
-use crate::assess::gap::gaps;
+use super::pool::{Member, Pool, without};
+use crate::assess::gaps::compute_gaps;
 use crate::assess::lateness::LOGGER_ROWS;
 use crate::estimate::fit::fit_in;
 use crate::model::candidate::{AT_MOST_OFF, Candidate};
 use crate::model::hypothesis::Hypothesis;
 use crate::policy::POLICY;
-use crate::select::explain::Search;
+use crate::select::search::Search;
 
 /// Steps of a fit without one of the effects.
 const WITHOUT: usize = 8;
@@ -40,7 +40,7 @@ impl Search<'_> {
         let kinds = without(&member.kinds(), hypothesis.effects[effect].kind);
         let fitted =
             || fit_in(&self.likelihood, &hypothesis.without(effect), self.lags, WITHOUT).map(|fit| self.member(fit));
-        let rest = pool.of(&kinds).filter(|rest| rest.is_possible()).cloned().or_else(fitted)?;
+        let rest = pool.get(&kinds).filter(|rest| rest.is_possible()).cloned().or_else(fitted)?;
         let mut worth = Worth {
             lost: member.evidence - rest.evidence,
             fitted_gain: 0.5 * (rest.fit.chi_square - member.fit.chi_square),
@@ -64,7 +64,7 @@ impl Search<'_> {
     /// The evidence that a name has to bring: more than chance, and more than what the law of another may be off by, where `best` is the best
     /// that all names together do.
     pub fn cost_of_a_name(&self, pool: &Pool, best: &Member) -> f64 {
-        let whole = pool.of(&[]).map_or(0.0, |zero| best.evidence - zero.evidence);
+        let whole = pool.get(&[]).map_or(0.0, |zero| best.evidence - zero.evidence);
         if self.likelihood.data.has_logs() {
             // What is left there is no law that is a little other, but whatever the levels are off by.
             POLICY.least_score
@@ -85,7 +85,7 @@ impl Search<'_> {
         if !member.fit.excludes_absence(effect) {
             worth.failed.push("95 % interval: includes no effect".to_owned());
         }
-        let gap = gaps(&self.likelihood, &worth.rest.fit.hypothesis, hypothesis, true).total;
+        let gap = compute_gaps(&self.likelihood, &worth.rest.fit.hypothesis, hypothesis, true).total;
         if gap.after > gap.before {
             let wider =
                 format!("held-out gap: {:.2} % without it, {:.2} % with it", 100.0 * gap.before, 100.0 * gap.after);

@@ -5,7 +5,7 @@
 //! passes 50 Hz and is described by a transfer function of order eight. It is identified from blows, a shaker's chirp or noise, or a
 //! multisine, put in where the motor sits: the column `command` is then the force in newtons.
 
-mod error;
+pub(crate) mod error;
 mod impact;
 mod model;
 mod response;

@@ -1,7 +1,7 @@
 //! Bandwidths: what is predicted of a model in a chain, and what records show beside it.
 
 mod notes;
-mod tables;
+pub(crate) mod tables;
 mod verdict;
 
 pub use tables::{DeviatingActuator, bandwidth_cell, bandwidth_text};
@@ -19,7 +19,8 @@ use serde_json::{Map, Value, json};
 
 use self::tables::bandwidth_values;
 use self::verdict::faster_as_measured;
-use super::design::{doubts_in_short, in_short, judged, lost_gain, of_another_model};
+use super::caveats::{doubts_in_short, judged, lost_gain, of_another_model};
+use super::design::tables::in_short;
 use super::figures::compensation::{bandwidths, color, measured, simulated, simulation_and_experiment};
 use super::latency::latency_json;
 use super::object;

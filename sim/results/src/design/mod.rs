@@ -1,10 +1,8 @@
 //! What a design is, and what is predicted of it.
 
 mod findings;
-mod tables;
+pub(crate) mod tables;
 
-pub(crate) use findings::{doubts_in_short, lost_gain};
-pub use findings::{judged, of_another_model};
 pub use tables::{design_section, in_short};
 
 use rotorlead_answer::{Answer, Tone, Verdict};
@@ -14,13 +12,14 @@ use rotorlead_design::{
 };
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Finding;
-use rotorlead_vehicle::Recommendation;
+use rotorlead_vehicle::{Purpose, Recommendation};
 use serde_json::{Map, Value, json};
 
 use super::bandwidth::{BandwidthResult, predicted_bandwidth};
+use super::caveats::{doubts_in_short, judged};
 use super::object;
 use super::recommendation::recommendation_table;
-use super::request::{Chosen, RequestError};
+use super::request::{Chosen, DesignRequest, RequestError};
 
 /// A compensator with what its design says of it.
 // There is one of them.
@@ -67,6 +66,16 @@ pub struct DesignResult {
     pub recommendation: Option<Recommendation>,
     /// What is to be known before it flies, beside what the model was judged to be.
     pub findings: Vec<Finding>,
+}
+
+impl DesignRequest {
+    /// Designs for `model` what is asked for, or what is recommended for `purpose`, and predicts what comes of it.
+    ///
+    /// # Errors
+    /// Where none is recommended, or the kind cannot be designed.
+    pub fn design(&self, model: &Model, purpose: Purpose, latency: Latency) -> Result<DesignResult, RequestError> {
+        DesignResult::of(model, self.chosen(model, purpose, None)?, latency)
+    }
 }
 
 impl DesignResult {

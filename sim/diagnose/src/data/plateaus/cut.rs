@@ -1,7 +1,5 @@
 //! What of a record can be compared: from where the motor runs steadily, without spikes and without what follows a gap.
 
-use serde::Serialize;
-use std::fmt;
 use std::ops::Range;
 
 use rotorlead_identify::error::IdentifyError;
@@ -11,11 +9,11 @@ use rotorlead_identify::rows::spikes::without_spikes;
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_records::{Excitation, Output, Record as SourceRecord};
 
-use super::{Group, Log};
+use super::groups::{CutRows, Group, LogGroups};
 use crate::DiagnoseError;
-use crate::data::dataset::Split;
 use crate::data::plateaus::rows::Blocks;
-use crate::noise::plateau_errors::{Part, measure, rows_of};
+use crate::data::split::Split;
+use crate::noise::plateau_errors::{ComparedRows, kept_rows, measure};
 
 /// Parts into which a record without plateaus is cut for its splits.
 const BLOCKS: usize = 10;
@@ -33,65 +31,6 @@ const ROWS_PER_RISE: f64 = 12.0;
 /// Rows over which the correlation of the noise is summed.
 const NOISE_LAGS: usize = 60;
 
-/// Rows of a record that are not compared.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct CutRows {
-    /// The record's file.
-    pub file: String,
-    /// Rows of the record.
-    pub rows: usize,
-    /// Rows before the motor runs settled on a level.
-    pub start: usize,
-    /// Rows after it stops.
-    pub end: usize,
-    /// Readings that no rotor can have made.
-    pub spikes: usize,
-    /// Rows after gaps of the logger during a step.
-    pub after_gaps: usize,
-    /// Steps of which therefore only the level is compared.
-    pub stalled_steps: usize,
-    /// Steps of the record.
-    pub steps: usize,
-    /// Rows on which the response stands on a limit of its scale, or comes back from one.
-    #[serde(skip)]
-    pub limited: usize,
-}
-
-impl CutRows {
-    /// Whether anything was cut.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.start + self.end + self.spikes + self.after_gaps + self.limited == 0
-    }
-
-    /// Of how many steps the log shows nothing but the level, and why; `None` where it shows all.
-    #[must_use]
-    pub fn stalls(&self) -> Option<String> {
-        (self.stalled_steps > 0).then(|| {
-            format!(
-                "{}: the log stands still during {} of {} steps, for longer than the step takes to begin. Of these only the levels are \
-                 compared, and how late they begin at least: what a log reads when it goes on is old. Find out why it stalls",
-                self.file, self.stalled_steps, self.steps
-            )
-        })
-    }
-}
-
-impl fmt::Display for CutRows {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parts = [
-            (self.start, "before the motor runs steadily"),
-            (self.end, "after it stops"),
-            (self.spikes, "that are spikes"),
-            (self.after_gaps, "after gaps of the logger during a step"),
-            (self.limited, "on which the response stands on a limit of its scale"),
-        ];
-        let said = parts.iter().filter(|(rows, _)| *rows > 0).map(|(rows, what)| format!("{rows} {what}"));
-        let said = said.collect::<Vec<_>>().join(", ");
-        write!(f, "{}: of {} rows {}", self.file, self.rows, if said.is_empty() { "none" } else { &said })
-    }
-}
-
 /// A record's rows from the first that is compared to the last, with what was measured there.
 pub(crate) struct Prepared {
     /// The rows of the record that are taken.
@@ -103,7 +42,7 @@ pub(crate) struct Prepared {
     /// Its mean over all rows that are taken.
     pub mean_response: f64,
     /// The rest.
-    pub log: Log,
+    pub log: LogGroups,
 }
 
 /// Prepares a record that does not repeat; between plateaus with a number for each level in place of a static map where
@@ -133,14 +72,14 @@ pub(crate) fn prepare(
     // A record of anything may well be a staircase.
     let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
     Ok(match run {
-        Some(run) if stepped || whole(&run) => Some(of_run(source, run, has_free_map)),
+        Some(run) if stepped || whole(&run) => Some(prepare_run(source, run, has_free_map)),
         _ if stepped => None,
-        _ => Some(of_whole(source, response)),
+        _ => Some(prepare_whole(source, response)),
     })
 }
 
 /// The longest run of plateaus. The static map is free where `has_free_map` says so.
-fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
+fn prepare_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
     let rows = run.rows();
     let time_s = &source.time_s[rows.clone()];
     let measured = &run.clean[rows.clone()];
@@ -202,7 +141,7 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
         let first = blocks.add(first, 1);
         let later = blocks.add_moving(later, width);
         let begin = moving.last().map_or(group.rows.start, |last| last + 1).max(part.stalled.end);
-        let resting = rows_of(begin..part.settled.first().copied().unwrap_or(group.rows.end), &kept);
+        let resting = kept_rows(begin..part.settled.first().copied().unwrap_or(group.rows.end), &kept);
         blocks.add(&resting, resting.len().div_ceil(SETTLED_BLOCKS));
         let before =
             std::mem::replace(&mut settled, blocks.add(&part.settled, part.settled.len().div_ceil(SETTLED_BLOCKS)));
@@ -218,23 +157,23 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
         rows,
         blocks,
         (time_s, measured),
-        Log { has_free_map, ..Log::new(groups, parts, cut, true, rows_per_sample) },
+        LogGroups { has_free_map, ..LogGroups::new(groups, parts, cut, true, rows_per_sample) },
     )
 }
 
 /// What of each group of rows is compared: where it moves, and where it has settled.
-fn parts(groups: &[Group], kept: &[bool]) -> Vec<Part> {
-    let settled = |group: &Group| group.plateau.as_ref().map_or_else(Vec::new, |own| rows_of(own.settled(), kept));
+fn parts(groups: &[Group], kept: &[bool]) -> Vec<ComparedRows> {
+    let settled = |group: &Group| group.plateau.as_ref().map_or_else(Vec::new, |own| kept_rows(own.settled(), kept));
     let part = |(index, group): (usize, &Group)| {
         let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
         // Of the plateau that a record begins with nothing moves.
         let is_first_level = index == 0 && group.plateau.is_some();
-        let moving = rows_of(group.rows.start..if is_first_level { group.rows.start } else { begin }, kept);
-        Part {
+        let moving = kept_rows(group.rows.start..if is_first_level { group.rows.start } else { begin }, kept);
+        ComparedRows {
             settled: settled(group),
             before: index.checked_sub(1).map(|before| settled(&groups[before])).unwrap_or_default(),
             moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
-            ..Part::default()
+            ..ComparedRows::default()
         }
     };
     groups.iter().enumerate().map(part).collect()
@@ -242,8 +181,8 @@ fn parts(groups: &[Group], kept: &[bool]) -> Vec<Part> {
 
 /// The static map is free, a number for each level: of `n` visits to a level `n - 1` say something, and no level is known better
 /// than its own scatter says.
-fn free_map(groups: &[Group], parts: &mut [Part]) {
-    let visits = |rank: usize, parts: &[Part]| {
+fn free_map(groups: &[Group], parts: &mut [ComparedRows]) {
+    let visits = |rank: usize, parts: &[ComparedRows]| {
         groups.iter().zip(parts).filter(|(group, part)| group.rank == rank && !part.settled.is_empty()).count()
     };
     for (place, group) in groups.iter().enumerate() {
@@ -254,7 +193,7 @@ fn free_map(groups: &[Group], parts: &mut [Part]) {
 }
 
 /// All rows of a record without plateaus.
-fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
+fn prepare_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     let (measured, spike) = without_spikes(response);
     let time_s = &source.time_s;
     let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
@@ -284,12 +223,12 @@ fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
         part.moving = group.rows.clone().map(|block| (block, 0.0)).collect();
     }
     let cut = CutRows { file: source.file.clone(), rows: count, spikes, after_gaps, ..CutRows::default() };
-    prepared(0..count, blocks, (time_s, &measured), Log::new(groups, parts, cut, false, 1.0))
+    prepared(0..count, blocks, (time_s, &measured), LogGroups::new(groups, parts, cut, false, 1.0))
 }
 
-fn prepared(rows: Range<usize>, blocks: Blocks, (time_s, measured): (&[f64], &[f64]), log: Log) -> Prepared {
+fn prepared(rows: Range<usize>, blocks: Blocks, (time_s, measured): (&[f64], &[f64]), log: LogGroups) -> Prepared {
     let means = blocks.means(measured);
-    let log = Log { scatter: blocks.scatter(measured, time_s), measured: means.clone(), ..log };
+    let log = LogGroups { scatter: blocks.scatter(measured, time_s), measured: means.clone(), ..log };
     Prepared { rows, measured: means, mean_response: mean(measured), blocks, log }
 }
 

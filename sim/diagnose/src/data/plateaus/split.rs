@@ -16,7 +16,7 @@
 
 use rotorlead_identify::lag::steps::{Direction, Plateau};
 
-use super::{Group, Log};
+use super::groups::{Group, LogGroups};
 
 /// A way of cutting the steps of a log in two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ impl StepSplit {
 const CUT_FROM: usize = 4;
 
 /// Whether a split fits a group of a log, which has this place among the records.
-pub(crate) fn is_fitted(split: StepSplit, (log, place): (&Log, usize), group: &Group) -> bool {
+pub(crate) fn is_fitted(split: StepSplit, (log, place): (&LogGroups, usize), group: &Group) -> bool {
     if log.groups.len() < CUT_FROM { whole(split, &log.groups, place) } else { part(split, group) }
 }
 

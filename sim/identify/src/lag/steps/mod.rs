@@ -24,7 +24,7 @@
 //! differ where they do not.
 
 mod curve;
-mod error;
+pub(crate) mod error;
 mod fit;
 mod levels;
 mod limits;

@@ -14,7 +14,7 @@
 
 mod basis;
 mod data;
-mod error;
+pub(crate) mod error;
 mod order;
 mod problem;
 mod residual;

@@ -1,49 +1,16 @@
-//! Explain: which effects of the catalog the chi-square asks for.
+//! What a search goes by: the records with their weights, and the kinds that it may try.
 
 use std::sync::Arc;
 
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::Kind;
 
-use super::decision::Decision;
-use crate::data::dataset::{Dataset, Split};
+use crate::data::dataset::Dataset;
+use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::prepare::prepared;
 use crate::estimate::settle::settle;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
-use crate::select::tried::Tried;
-use crate::select::weak_evidence::WeakEvidence;
-
-/// An effect that was found.
-#[derive(Clone, Debug)]
-pub(crate) struct Found {
-    /// The kind.
-    pub kind: &'static Kind,
-    /// Its score beside the others that were found.
-    pub score: f64,
-    /// Others that would do as well in its place.
-    pub alternatives: Vec<&'static Kind>,
-    /// The odds of it against each of these.
-    pub odds: Vec<f64>,
-}
-
-/// What was found, with the fit of all of it.
-#[derive(Clone, Debug)]
-pub(crate) struct Explanation {
-    /// The lags alone.
-    pub before: Fit,
-    /// With the effects, in the order of `found`.
-    pub after: Fit,
-    /// The effects, the most valuable first.
-    pub found: Vec<Found>,
-    /// What was tried beside the lags alone, best first.
-    pub tried: Vec<Tried>,
-    /// Effects with weak evidence beside the lags alone.
-    pub weak_evidence: Vec<WeakEvidence>,
-    /// What became of each kind, in records that do not repeat.
-    pub decisions: Vec<Decision>,
-}
 
 /// Everything that may be tried, and on what.
 pub(crate) struct Search<'a> {
