@@ -26,6 +26,6 @@ pub fn refused(fault: &Fault) -> PyErr {
 fn words(diagnostic: &dyn Diagnostic) -> String {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_wrap_lines(false);
     let mut text = String::new();
-    handler.render_report(&mut text, &PrintableReport::of(diagnostic)).expect("a string takes all");
+    handler.render_report(&mut text, &PrintableReport::from_report(diagnostic)).expect("a string takes all");
     text.trim_start_matches([' ', '×']).trim_end().to_owned()
 }

@@ -56,7 +56,7 @@ pub fn identify<'py>(
         let long = transform(&experiment, &long).map_err(miette::Report::from).wrap_err_with(|| nothing.clone())?;
         let options = IdentifyOptions { delay_level, stand: None, long: &long };
         let mut found =
-            IdentifyResult::of(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
+            IdentifyResult::identify(&experiment, &options).map_err(miette::Report::from).wrap_err_with(|| nothing)?;
         let provenance = found.identification.model.provenance.iter_mut();
         provenance.for_each(|from| from.records_crc32.clone_from(&checksum));
         out.map_or(Ok(()), |out| found.identification.model.write(&out))?;

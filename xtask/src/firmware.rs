@@ -141,7 +141,7 @@ fn panics(function: &Function) -> bool {
 }
 
 fn no_panic(board: &Board, image: &Image) -> Result {
-    let calls = Calls::of(image);
+    let calls = Calls::from_image(image);
     if !image.functions.iter().any(panics) {
         return Err("the image has no panic handler: the names that this looks for have changed".to_owned());
     }
@@ -166,7 +166,7 @@ pub fn cannot_panic(calls: &Calls<'_>, root: usize, name: &str) -> Result {
 
 /// Deepest stack: the idle task, and on top of it one interrupt of each priority.
 fn stack(board: &Board, image: &Image) -> Result<u64> {
-    let calls = Calls::of(image);
+    let calls = Calls::from_image(image);
     let function = |name| image.function_named(name).ok_or_else(|| format!("the image has no function {name}"));
     if !calls.reachable(function("Reset")?).contains(&function("main")?) {
         return Err("the way from Reset to main is not seen, so the stack of all that it calls is not known".to_owned());

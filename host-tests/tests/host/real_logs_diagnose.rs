@@ -82,7 +82,7 @@ fn check(found: &Diagnosis, log: &str, names: &[&str], least_percent: f64) {
     next.plan.check().unwrap();
     // The improved model can be simulated.
     found.model.check().unwrap();
-    assert_eq!(ActiveEffect::of_model(&found.model).unwrap().len(), found.effects.len());
+    assert_eq!(ActiveEffect::from_model(&found.model).unwrap().len(), found.effects.len());
 }
 
 /// What docs/diagnosis.md has of a log: its fit on all steps, and on those that each split holds out.

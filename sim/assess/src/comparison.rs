@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    fn of_time_constants(a: &Model, b: &Model) -> Vec<Difference> {
+    fn compare_time_constants(a: &Model, b: &Model) -> Vec<Difference> {
         compare(a, b).unwrap().remove(0).points
     }
 
@@ -220,14 +220,14 @@ mod tests {
     fn a_difference_is_told_where_its_interval_leaves_none_out() {
         let a = model(&[(0.1, Some(0.001)), (0.08, Some(0.001))]);
         let b = model(&[(0.09, Some(0.001)), (0.081, Some(0.001))]);
-        let found = of_time_constants(&a, &b);
+        let found = compare_time_constants(&a, &b);
         assert_eq!(found.iter().map(Difference::differs).collect::<Vec<_>>(), [Some(true), Some(false)]);
         assert!((found[0].change + 0.1).abs() < 1e-12, "{found:?}");
         // Two intervals that hold together are normal ones of 97.5 %, 2.2414 standard errors to either side.
         let (low, high) = found[0].interval.unwrap();
         let reach = 2.2414 * f64::hypot(0.001 / 0.1, 0.001 / 0.09);
         assert!((low - (0.9 * (-reach).exp() - 1.0)).abs() < 1e-6 && (high - (0.9 * reach.exp() - 1.0)).abs() < 1e-6);
-        assert_eq!(of_time_constants(&a, &model(&[(0.05, None), (0.05, None)]))[0].differs(), None);
+        assert_eq!(compare_time_constants(&a, &model(&[(0.05, None), (0.05, None)]))[0].differs(), None);
     }
 
     #[test]
@@ -242,7 +242,7 @@ mod tests {
         // The one command of the second lies between those of the first.
         let mut between = one;
         between.points[0].nominal = 0.35;
-        assert_eq!(of_time_constants(&a, &between)[0].nominal, 0.35);
+        assert_eq!(compare_time_constants(&a, &between)[0].nominal, 0.35);
     }
 
     #[test]
@@ -268,7 +268,7 @@ mod tests {
             model(&taus)
         };
         let is_called = |k: &usize| {
-            of_time_constants(&noisy(2 * k), &noisy(2 * k + 1)).iter().any(|point| point.differs() == Some(true))
+            compare_time_constants(&noisy(2 * k), &noisy(2 * k + 1)).iter().any(|point| point.differs() == Some(true))
         };
         let called = (0..RUNS).filter(is_called).count() as f64 / RUNS as f64;
         // Standard error 0.3 %.

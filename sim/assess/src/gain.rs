@@ -8,7 +8,7 @@ use crate::remedy;
 /// Where dead time takes the use from what the lead gains, with a flight controller's usual pulses.
 pub fn lost(model: &Model) -> Option<String> {
     let lead = &CompensatorDesign::from(design(model, &DesignOptions::default()).ok()?);
-    let effects = ActiveEffect::of_model(model).ok()?;
+    let effects = ActiveEffect::from_model(model).ok()?;
     let chain = Chain::Designed(lead);
     let points = bandwidths_with(model, &effects, chain);
     let phases = chain_phases(model, &effects, chain, &Latency::standard(lead.loop_rate_hz()), &points);

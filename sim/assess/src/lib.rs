@@ -44,7 +44,7 @@ pub struct Assessment {
 }
 
 impl Assessment {
-    fn of(claims: Claims, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
+    fn from_claims(claims: Claims, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
         let judgement = Judgement { in_doubt, ..claims.judgement() };
         Self { judgement, recommendation: None, other_output: None, records }
     }
@@ -71,11 +71,11 @@ pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessmen
             Word::MeasureAgain,
             "the records show a static map alone: record a multisine or a staircase".to_owned(),
         );
-        return Assessment::of(claims, false, validate(experiment, model));
+        return Assessment::from_claims(claims, false, validate(experiment, model));
     }
     let records = validate(experiment, model);
     // Nothing below is worth more than the numbers.
-    let in_doubt = claims.of_findings(experiment, model);
+    let in_doubt = claims.add_findings(experiment, model);
     if known.long {
         let reason =
             "there are records too long to be compared while they are read: `rotorlead validate` compares them";
@@ -89,15 +89,15 @@ pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessmen
         ),
         // All of them are long.
         Ok(records) if records.is_empty() && known.long => {}
-        Ok(records) => claims.of_residual(experiment, model, records, known.diagnosis),
+        Ok(records) => claims.add_residual(experiment, model, records, known.diagnosis),
         Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
-    claims.of_points(model);
-    let other_output = records.is_ok().then(|| OtherOutput::of(experiment, model)).flatten();
+    claims.add_points(model);
+    let other_output = records.is_ok().then(|| OtherOutput::from_experiment(experiment, model)).flatten();
     for limit in gain::lost(model).into_iter().chain(other_output.as_ref().and_then(OtherOutput::limit)) {
         claims.add(Word::ReadyWithinLimits, limit);
     }
-    let assessment = Assessment::of(claims, in_doubt, records);
+    let assessment = Assessment::from_claims(claims, in_doubt, records);
     let recommendation = recommend(model, assessment.judgement.doubt(), &Asked::default()).ok();
     Assessment { recommendation, other_output, ..assessment }
 }
@@ -118,7 +118,7 @@ impl Claims {
         self.0.push(Claim { word, reason });
     }
 
-    fn of_residual(
+    fn add_residual(
         &mut self,
         experiment: &Experiment,
         model: &Model,
@@ -139,7 +139,7 @@ impl Claims {
                     let is_of_them = records.iter().any(|record| record.fitted == Some(true));
                     let found = diagnosis.map(|(found, _)| found);
                     let ramp_per_s = if is_of_them { ramp::ramp_per_s(experiment, model, found) } else { None };
-                    self.of_error(record, ramp_per_s, diagnosis.map(|(_, in_short)| in_short));
+                    self.add_error(record, ramp_per_s, diagnosis.map(|(_, in_short)| in_short));
                 }
             }
         }
@@ -159,7 +159,7 @@ impl Claims {
     }
 
     /// Of a record that shows the model to be wrong, with what a diagnosis `found` in place of the advice to ask one.
-    fn of_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>, found: Option<&str>) {
+    fn add_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>, found: Option<&str>) {
         let mut add = |word, reason: String, advice: &str| {
             let more = found.map_or_else(|| advice.to_owned(), |found| format!("; {found}"));
             self.add(word, reason + &more);
@@ -185,7 +185,7 @@ impl Claims {
     }
 
     /// Of what `rotorlead check` finds in the records, whether any number means something else than its column says.
-    fn of_findings(&mut self, experiment: &Experiment, model: &Model) -> bool {
+    fn add_findings(&mut self, experiment: &Experiment, model: &Model) -> bool {
         let mut findings = Findings::default();
         for record in &experiment.records {
             findings.extend(check_record(experiment, record, false));
@@ -206,7 +206,7 @@ impl Claims {
     }
 
     /// Of the operating points.
-    fn of_points(&mut self, model: &Model) {
+    fn add_points(&mut self, model: &Model) {
         if let [point] = &model.points[..] {
             let reason = format!("the lag is known at u_nom {} alone: record at a second level", point.nominal);
             self.add(Word::MeasureAgain, reason);

@@ -23,7 +23,7 @@ pub struct OtherOutput {
 
 impl OtherOutput {
     /// `None` where no record of steps has another column, or its steps carry no lag.
-    pub(crate) fn of(experiment: &Experiment, model: &Model) -> Option<Self> {
+    pub(crate) fn from_experiment(experiment: &Experiment, model: &Model) -> Option<Self> {
         let record = step_record(experiment).ok()?;
         let output = match experiment.output {
             Output::ThrustN => Output::Rpm,

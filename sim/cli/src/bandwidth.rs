@@ -78,7 +78,7 @@ impl Bandwidth {
             (None, Some(file)) => (Some(CompensatorDesign::read(file)?), Vec::new()),
             (None, None) => {
                 let Chosen { options, findings, .. } = request.chosen_or_lead(&model);
-                let designed = Designed::of(&model, &options)
+                let designed = Designed::design(&model, &options)
                     .map_err(miette::Report::from)
                     .wrap_err_with(|| format!("`{}` gives no compensator", self.model.path().display()))?;
                 (Some(designed.compensator(&model)), findings)
@@ -92,7 +92,7 @@ impl Bandwidth {
             (None, lead) => Chain::Continuous(lead.as_ref().expect("one is designed where none is given")),
         };
         let loop_rate_hz = design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz);
-        let mut found = BandwidthResult::of(&model, chain, self.latency.latency(loop_rate_hz)?)?;
+        let mut found = BandwidthResult::predict(&model, chain, self.latency.latency(loop_rate_hz)?)?;
         found.findings.splice(0..0, of_design);
         let not_simulated = || format!("`{}` cannot be simulated", self.model.path().display());
         if let Some(design) = design.as_ref().filter(|_| !self.steps.is_empty()) {
@@ -120,19 +120,19 @@ impl Bandwidth {
             facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
             facts.push(report_pages::version());
             let title = format!("Bandwidths of {}", self.model.path().display());
-            Report { facts, ..report_pages::of_answer("Bandwidth", title, &answer) }
+            Report { facts, ..report_pages::answer_page("Bandwidth", title, &answer) }
         })?;
-        Ok(Outcome::of(&answer, &report))
+        Ok(Outcome::from_answer(&answer, &report))
     }
 
     /// The bandwidths that the records show. Without and with compensator may be in different folders.
     fn measure(&self) -> miette::Result<MeasuredRecords> {
         let mut measured = MeasuredRecords::default();
         for folder in &self.records {
-            let found = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
+            let found = progress::over_files("measuring", &[folder], || -> miette::Result<_> {
                 let experiment = Experiment::read(folder)?;
                 identify_periodic(&experiment, &PeriodicOptions::default())
-                    .and_then(|found| MeasuredRecords::of(&found))
+                    .and_then(|found| MeasuredRecords::measure(&found))
                     .map_err(miette::Report::from)
                     .wrap_err_with(|| format!("`{}`", folder.display()))
             })?;

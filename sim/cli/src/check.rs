@@ -46,10 +46,10 @@ impl Check {
     /// Runs the command and says what was found; fails where there is an error among it.
     pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(None)?;
-        let answer = progress::of_files("checking", &[&self.experiment], || {
+        let answer = progress::over_files("checking", &[&self.experiment], || {
             check_answer(&self.experiment.display().to_string(), &Experiment::inspect(&self.experiment))
         });
-        self.json.say(|| Ok(Outcome::of(&answer, "")), verbosity)?;
+        self.json.say(|| Ok(Outcome::from_answer(&answer, "")), verbosity)?;
         let errors: Vec<&Finding> =
             answer.findings.iter().filter(|finding| finding.severity == Severity::Error).collect();
         let count = errors.len();

@@ -42,7 +42,7 @@ impl Compare {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
-        let (a, b) = progress::of_files("identifying", &[&self.a, &self.b], || -> miette::Result<_> {
+        let (a, b) = progress::over_files("identifying", &[&self.a, &self.b], || -> miette::Result<_> {
             Ok((self.model(&self.a)?, self.model(&self.b)?))
         })?;
         let compared = compare(&a, &b)
@@ -53,9 +53,9 @@ impl Compare {
         let answer = comparison_answer(&a, &b, &compared);
         let written = self.report.write(|| Report {
             facts: vec![report_pages::file("A", &self.a), report_pages::file("B", &self.b), report_pages::version()],
-            ..report_pages::of_answer("Comparison", format!("{name_a} and {name_b}"), &answer)
+            ..report_pages::answer_page("Comparison", format!("{name_a} and {name_b}"), &answer)
         })?;
-        Ok(Outcome::of(&answer, &written))
+        Ok(Outcome::from_answer(&answer, &written))
     }
 
     /// The model at `path`, or that of the records there.
@@ -65,7 +65,7 @@ impl Compare {
         }
         let mut experiment = self.reader.read(path, u64::MAX)?.experiment;
         self.reader.choose_output(&mut experiment)?;
-        let found = IdentifyResult::of(&experiment, &IdentifyOptions::default())
+        let found = IdentifyResult::identify(&experiment, &IdentifyOptions::default())
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("nothing was identified from `{}`", path.display()))?;
         Ok(found.identification.model)

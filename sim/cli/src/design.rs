@@ -66,8 +66,8 @@ impl Design {
                 report_pages::version(),
             ];
             let title = format!("Compensator for {}", self.model.path().display());
-            Report { facts, ..report_pages::of_answer("Design", title, &answer) }
+            Report { facts, ..report_pages::answer_page("Design", title, &answer) }
         })?;
-        Ok(Outcome::of(&answer, &format!("{}\n{report}", written_to(&self.out))))
+        Ok(Outcome::from_answer(&answer, &format!("{}\n{report}", written_to(&self.out))))
     }
 }

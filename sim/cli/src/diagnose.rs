@@ -102,7 +102,7 @@ impl Diagnose {
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), answer.verdict.clone())
             }
         })?);
-        Ok(Outcome::of(&answer, &written))
+        Ok(Outcome::from_answer(&answer, &written))
     }
 }
 

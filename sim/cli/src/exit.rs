@@ -38,7 +38,7 @@ Exit status:
 impl Exit {
     /// What a run comes to.
     #[must_use]
-    pub fn of(result: &miette::Result<()>) -> Self {
+    pub fn from_result(result: &miette::Result<()>) -> Self {
         match result {
             Ok(()) => Self::Done,
             Err(report) if report.is::<WrongUse>() => Self::WrongUse,

@@ -93,7 +93,7 @@ impl Export {
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
         let warnings: Vec<String> = judged(&model).iter().map(Finding::sentence).collect();
         let comments =
-            warnings.iter().map(|warning| Syntax::of(stack).comment(&[format!("warning: {warning}")]) + "\n");
+            warnings.iter().map(|warning| Syntax::for_stack(stack).comment(&[format!("warning: {warning}")]) + "\n");
         let mut outcome = Outcome::new(comments.collect::<String>() + &text(&found, motors), &found);
         outcome.json["warnings"] = json!(warnings);
         Ok(outcome)
@@ -132,7 +132,7 @@ fn nothing_known(found: &StackParameters, model: &Path) -> miette::Report {
 
 /// The parameters in the stack's syntax, below comments in its syntax.
 fn text(found: &StackParameters, motors: u8) -> String {
-    let syntax = Syntax::of(found.stack);
+    let syntax = Syntax::for_stack(found.stack);
     let known = found.parameters.iter().map(|parameter| {
         let line = (syntax.line)(parameter.definition.name, &digits(parameter.value), motors);
         format!("{}{line}\n", syntax.comment(&about(parameter)))
@@ -206,7 +206,7 @@ impl Syntax {
         format!("{begin}{}{end}\n", lines.join(&format!("\n{next}")))
     }
 
-    fn of(stack: Stack) -> Self {
+    fn for_stack(stack: Stack) -> Self {
         let script = ["# ", "# ", ""];
         let xml = ["<!-- ", "     ", " -->"];
         match stack {
@@ -216,18 +216,18 @@ impl Syntax {
             Stack::Paparazzi => Self {
                 comment: xml,
                 line: |name, value, motors| {
-                    format!("<define name=\"{name}\" value=\"{{{}}}\"/>", of_motors(value, motors, ", "))
+                    format!("<define name=\"{name}\" value=\"{{{}}}\"/>", repeat_for_motors(value, motors, ", "))
                 },
             },
             Stack::Indiflight => Self {
                 comment: script,
-                line: |name, value, motors| format!("set {name} = {}", of_motors(value, motors, ",")),
+                line: |name, value, motors| format!("set {name} = {}", repeat_for_motors(value, motors, ",")),
             },
             Stack::Gazebo => Self { comment: xml, line: |name, value, _| format!("<{name}>{value}</{name}>") },
         }
     }
 }
 
-fn of_motors(value: &str, motors: u8, separator: &str) -> String {
+fn repeat_for_motors(value: &str, motors: u8, separator: &str) -> String {
     vec![value; usize::from(motors)].join(separator)
 }

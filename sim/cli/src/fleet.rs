@@ -66,9 +66,9 @@ impl Fleet {
         let answer = fleet_answer(&rows, &time_constants, &gains, output);
         let written = self.report.write(|| Report {
             facts: vec![report_pages::file("Fleet", &self.fleet)],
-            ..report_pages::of_answer("Fleet", format!("{} logs", rows.len()), &answer)
+            ..report_pages::answer_page("Fleet", format!("{} logs", rows.len()), &answer)
         })?;
-        Ok(Outcome::of(&answer, &written))
+        Ok(Outcome::from_answer(&answer, &written))
     }
 
     fn few<E: std::error::Error + Send + Sync + 'static>(&self, logs: &[Log]) -> impl Fn(E) -> miette::Report {

@@ -84,20 +84,21 @@ impl Identify {
         };
         let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let nothing = || format!("nothing was identified from `{}`", self.measured.path().display());
-        let (aligned, found) = progress::of_files("identifying", &[self.measured.path()], || -> miette::Result<_> {
-            let mut aligned = self.align.read(&self.measured)?;
-            self.measured.choose_output(&mut aligned.experiment)?;
-            let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
-            let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
-            // How logs were read and merged may say why nothing comes of them.
-            let mut found = IdentifyResult::of(&aligned.experiment, &options)
-                .inspect_err(|_| eprint!("{}", printable(&aligned.text)))
-                .map_err(|error| not_identified(error, aligned.logs.is_some()))
-                .wrap_err_with(nothing)?;
-            let provenance = found.identification.model.provenance.iter_mut();
-            provenance.for_each(|from| from.records_crc32 = Experiment::checksum(self.measured.path()));
-            Ok((aligned, found))
-        })?;
+        let (aligned, found) =
+            progress::over_files("identifying", &[self.measured.path()], || -> miette::Result<_> {
+                let mut aligned = self.align.read(&self.measured)?;
+                self.measured.choose_output(&mut aligned.experiment)?;
+                let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
+                let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
+                // How logs were read and merged may say why nothing comes of them.
+                let mut found = IdentifyResult::identify(&aligned.experiment, &options)
+                    .inspect_err(|_| eprint!("{}", printable(&aligned.text)))
+                    .map_err(|error| not_identified(error, aligned.logs.is_some()))
+                    .wrap_err_with(nothing)?;
+                let provenance = found.identification.model.provenance.iter_mut();
+                provenance.for_each(|from| from.records_crc32 = Experiment::checksum(self.measured.path()));
+                Ok((aligned, found))
+            })?;
         let Aligned { experiment, text: of_logs, detail, warnings, alignments, logs, .. } = aligned;
         self.out.as_deref().map_or(Ok(()), |out| found.identification.model.write(out))?;
 
@@ -119,10 +120,10 @@ impl Identify {
             Report {
                 facts: facts.concat(),
                 sections: recommended.chain([lags, excitation_section(&experiment)]).collect(),
-                ..report_pages::of_answer("Identification", format!("Identification of {}", experiment.name), &answer)
+                ..report_pages::answer_page("Identification", format!("Identification of {}", experiment.name), &answer)
             }
         })?);
-        Ok(Outcome::of(&answer, &written).after(&of_logs, &detail))
+        Ok(Outcome::from_answer(&answer, &written).after(&of_logs, &detail))
     }
 }
 

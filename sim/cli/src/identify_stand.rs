@@ -43,7 +43,7 @@ pub fn run(
     if let Some(top_hz) = arguments.top {
         options.band_hz.1 = top_hz;
     }
-    let (experiment, stand) = progress::of_files("identifying", &[folder], || -> miette::Result<_> {
+    let (experiment, stand) = progress::over_files("identifying", &[folder], || -> miette::Result<_> {
         let experiment = Experiment::read_force(folder)?;
         let stand = identify_stand(&experiment, &options)
             .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
@@ -55,7 +55,7 @@ pub fn run(
     let report = report.write(|| {
         let model = out.map(|out| report_pages::file("Stand model", out));
         let facts = [report_pages::records(&experiment, folder), model.into_iter().collect()].concat();
-        Report { facts, ..report_pages::of_answer("Stand", format!("Stand of {}", experiment.name), &answer) }
+        Report { facts, ..report_pages::answer_page("Stand", format!("Stand of {}", experiment.name), &answer) }
     })?;
-    Ok(Outcome::of(&answer, &(model_written(out) + &report)))
+    Ok(Outcome::from_answer(&answer, &(model_written(out) + &report)))
 }

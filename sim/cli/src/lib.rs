@@ -120,7 +120,7 @@ impl Arguments {
     /// # Errors
     /// When help or version were asked for and cannot be printed; a [`WrongUse`] where outputs are in each other's place, or
     /// in that of what is read; when an output would replace a file of another kind, and that is not forced.
-    pub fn of_command_line() -> miette::Result<Self> {
+    pub fn from_command_line() -> miette::Result<Self> {
         let matches = match command_line().try_get_matches() {
             Ok(matches) => matches,
             Err(asked) if !asked.use_stderr() => {

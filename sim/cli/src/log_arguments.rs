@@ -96,7 +96,7 @@ impl LogArguments {
         let (mut whole, mut summaries): (Option<Experiment>, Vec<ImportSummary>) = (None, Vec::new());
         for file in files {
             let log = import(file, options).map_err(with_next_command)?;
-            self.check_options_of(file, &log.summary)?;
+            self.check_options(file, &log.summary)?;
             match &mut whole {
                 None => whole = Some(log.experiment),
                 Some(whole) => join(whole, log.experiment, &summaries[0].file, file)?,
@@ -165,7 +165,7 @@ impl LogArguments {
     }
 
     /// Refuses options that the log has no use for.
-    fn check_options_of(&self, file: &Path, log: &ImportSummary) -> Result<(), WrongUse> {
+    fn check_options(&self, file: &Path, log: &ImportSummary) -> Result<(), WrongUse> {
         let format = log.format;
         let refuse = |option: &str, reason: &str| {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());

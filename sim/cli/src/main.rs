@@ -13,12 +13,12 @@ fn main() -> ExitCode {
     miette::set_hook(Box::new(|_| Box::new(PrintableReports(reports())))).expect("nothing has set another one before");
     clean_up_when_interrupted();
     work_alone_where_no_thread_can_start();
-    let result = Arguments::of_command_line().and_then(Arguments::run);
+    let result = Arguments::from_command_line().and_then(Arguments::run);
     if let Err(report) = &result {
         // Nobody is left to read it when standard error is closed.
         let _ = writeln!(stderr(), "{report:?}");
     }
-    Exit::of(&result).into()
+    Exit::from_result(&result).into()
 }
 
 /// Has what asks the program to end remove what is unfinished. Where no handler can be set, it ends the program as it does any other.

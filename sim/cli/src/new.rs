@@ -57,7 +57,7 @@ impl New {
     pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(Some(&self.folder))?;
         let (folder, outcome) = self.made()?;
-        self.json.say_of(folder, outcome, verbosity)
+        self.json.say_with_folder(folder, outcome, verbosity)
     }
 
     /// The folder, which lacks but its name, and what is said of it.

@@ -67,7 +67,7 @@ impl Outcome {
     }
 
     /// An answer, with what it was written to at its end.
-    pub fn of(answer: &Answer, written: &str) -> Self {
+    pub fn from_answer(answer: &Answer, written: &str) -> Self {
         let Text { shown, detail, verdict } = answer.text();
         let verdict = if written.is_empty() { verdict } else { format!("{verdict}{written}") };
         Self { text: shown, detail, verdict, json: answer.json() }
@@ -164,7 +164,7 @@ impl JsonOption {
     }
 
     /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
-    pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
+    pub fn say_with_folder(&self, folder: OutputFolder, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
         outcome.check()?;
         let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
         all_or_nothing(|| {

@@ -182,11 +182,11 @@ mod tests {
     use super::*;
 
     /// Every option of every command with values of this type, and what it accepts of a text.
-    fn options_of<T: 'static>(command: &Command) -> Vec<(String, Arg)> {
+    fn options_in<T: 'static>(command: &Command) -> Vec<(String, Arg)> {
         let is_of = |argument: &&Arg| argument.get_value_parser().type_id() == TypeId::of::<T>();
         let named = |argument: &Arg| (format!("{} --{}", command.get_name(), argument.get_id()), argument.clone());
         let own = command.get_arguments().filter(is_of).map(named);
-        own.chain(command.get_subcommands().flat_map(options_of::<T>)).collect()
+        own.chain(command.get_subcommands().flat_map(options_in::<T>)).collect()
     }
 
     fn accepts(option: &Arg, text: &str) -> bool {
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn every_number_of_the_command_line_has_bounds() {
         let command = crate::command_line();
-        let (numbers, ranges) = (options_of::<f64>(&command), options_of::<(f64, f64)>(&command));
+        let (numbers, ranges) = (options_in::<f64>(&command), options_in::<(f64, f64)>(&command));
         assert!(numbers.len() > 20 && ranges.len() > 3, "{numbers:?} {ranges:?}");
         for text in ["1e300", "-1e300", "nan", "inf", "one"] {
             let unbounded: Vec<_> = numbers.iter().filter(|(_, option)| accepts(option, text)).collect();

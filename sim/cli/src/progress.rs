@@ -45,15 +45,15 @@ pub fn spinner(what: &'static str) -> ProgressBar {
 
 /// A bar of `steps` steps, that says `what`.
 pub fn bar(what: &'static str, steps: u64) -> ProgressBar {
-    start(of_steps(steps, "{msg} {wide_bar} {pos}/{len} {left}"), what)
+    start(step_bar(steps, "{msg} {wide_bar} {pos}/{len} {left}"), what)
 }
 
 /// A bar for work whose number of steps depends on what comes out, with about so many. Each is reported by [`step`].
 pub fn estimate(what: &'static str, steps: u64) -> ProgressBar {
-    start(of_steps(steps, "{msg} {wide_bar} {left}"), what)
+    start(step_bar(steps, "{msg} {wide_bar} {left}"), what)
 }
 
-fn of_steps(steps: u64, template: &str) -> ProgressBar {
+fn step_bar(steps: u64, template: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     let style = style.with_key("left", left);
     ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::hidden()).with_style(style)
@@ -73,7 +73,7 @@ fn leave_a_quarter(bar: &ProgressBar) {
 
 /// Does `work` that first reads the CSV files in `folders` and then computes from them, with a bar of bytes. What is read is known;
 /// what follows is taken to go on at the pace of the reading, for at least a quarter as long.
-pub fn of_files<T>(what: &'static str, folders: &[&Path], work: impl FnOnce() -> T) -> T {
+pub fn over_files<T>(what: &'static str, folders: &[&Path], work: impl FnOnce() -> T) -> T {
     let bytes = folders.iter().map(|folder| csv_bytes(folder)).sum::<u64>().max(1);
     let bar = estimate(what, bytes + bytes / 4);
     if !is_seen() {

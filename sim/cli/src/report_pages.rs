@@ -22,7 +22,7 @@ pub fn report(kind: &str, title: impl Into<String>, verdict: Verdict) -> Report 
 }
 
 /// A report of one answer.
-pub fn of_answer(kind: &str, title: impl Into<String>, answer: &Answer) -> Report {
+pub fn answer_page(kind: &str, title: impl Into<String>, answer: &Answer) -> Report {
     Report {
         warnings: answer.warnings(),
         sections: vec![answer.section()],

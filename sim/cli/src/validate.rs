@@ -38,7 +38,7 @@ impl Validate {
         self.report.check()?;
         let model = Model::read(&self.model)?;
         let (experiment, records, judgement, recommendation) =
-            progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
+            progress::over_files("validating", &[&self.experiment], || -> miette::Result<_> {
                 let experiment = Experiment::read(&self.experiment)?;
                 let Assessment { judgement, recommendation, records, .. } =
                     assess(&experiment, &model, Known::default());
@@ -54,8 +54,8 @@ impl Validate {
                 vec![report_pages::file("Model", &self.model)],
             ]
             .concat(),
-            ..report_pages::of_answer("Validation", format!("Validation on {}", experiment.name), &answer)
+            ..report_pages::answer_page("Validation", format!("Validation on {}", experiment.name), &answer)
         })?;
-        Ok(Outcome::of(&answer, &written))
+        Ok(Outcome::from_answer(&answer, &written))
     }
 }

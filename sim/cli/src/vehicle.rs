@@ -63,9 +63,9 @@ impl Vehicle {
                 fact("Model", file, "the paper's Table 1"),
                 report_pages::version(),
             ],
-            ..report_pages::of_answer("Vehicle", "What a compensator is worth in a vehicle", &answer)
+            ..report_pages::answer_page("Vehicle", "What a compensator is worth in a vehicle", &answer)
         })?;
-        Ok(Outcome::of(&answer, &written))
+        Ok(Outcome::from_answer(&answer, &written))
     }
 }
 

@@ -136,7 +136,7 @@ mod tests {
         let with = |kind: &str, parameters: &[(&str, f64)]| {
             let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
             let effect = Effect { kind: kind.to_owned(), parameters, std: Default::default() };
-            let effects = Catalog::standard().of_model(&Model { effects: vec![effect], ..table_1() }).unwrap();
+            let effects = Catalog::standard().active_effects(&Model { effects: vec![effect], ..table_1() }).unwrap();
             bandwidths_with(&table_1(), &effects, chain)
         };
         for (kind, parameters) in [

@@ -184,7 +184,7 @@ fn known(model: &Model) -> Vec<Known> {
         }
     };
     for effect in &model.effects {
-        let (factor, shortest) = of_time_constant(effect);
+        let (factor, shortest) = time_constant_factor(effect);
         for known in &mut known {
             known.tau_s *= factor;
             known.low_s *= shortest;
@@ -194,7 +194,7 @@ fn known(model: &Model) -> Vec<Known> {
 }
 
 /// What an effect multiplies the time constant by, and its lower end: that of the faster direction where they are unequal.
-fn of_time_constant(effect: &Effect) -> (f64, f64) {
+fn time_constant_factor(effect: &Effect) -> (f64, f64) {
     let with_std = |name: &str| {
         let value = effect.parameters.get(name).copied()?;
         Some((value, STANDARD_ERRORS * effect.std.get(name).copied().unwrap_or(0.0)))

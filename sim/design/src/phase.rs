@@ -194,7 +194,7 @@ mod tests {
         };
         let design = design(&table_1(), &DesignOptions::default()).unwrap();
         let of = |model: &Model, chain: Chain| {
-            let effects = Catalog::standard().of_model(model).unwrap();
+            let effects = Catalog::standard().active_effects(model).unwrap();
             let points = bandwidths_with(model, &effects, chain);
             chain_phases(model, &effects, chain, &Latency::standard(5000.0), &points)
         };

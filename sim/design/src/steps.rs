@@ -70,8 +70,8 @@ pub(super) fn steps_at(
             found.push(StepPoint {
                 nominal,
                 step,
-                uncompensated: StepResponse::of(&followed.responses(None)?, rate_hz),
-                compensated: StepResponse::of(&followed.responses(Some(design))?, rate_hz),
+                uncompensated: StepResponse::from_samples(&followed.responses(None)?, rate_hz),
+                compensated: StepResponse::from_samples(&followed.responses(Some(design))?, rate_hz),
             });
         }
     }
@@ -120,7 +120,7 @@ impl Stepped<'_> {
 
 impl StepResponse {
     /// From the response at every tick, from that of the step to one long after.
-    fn of(responses: &[f64], rate_hz: f64) -> Self {
+    fn from_samples(responses: &[f64], rate_hz: f64) -> Self {
         let (Some(&start), Some(&end)) = (responses.first(), responses.last()) else { return Self::NONE };
         let largest = responses.iter().fold(0.0_f64, |largest, response| largest.max(response.abs()));
         if (end - start).abs() <= MOVES * largest {

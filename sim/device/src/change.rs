@@ -17,7 +17,7 @@ pub fn change(settings: &Settings, changes: &[(String, String)]) -> Result<Valid
     }
     changed.clone().validate().map_err(|error| DeviceError::Setting {
         message: error.to_string(),
-        help: Remedy::of(error, changed, changes).help(changes),
+        help: Remedy::from_error(error, changed, changes).help(changes),
     })
 }
 
@@ -31,7 +31,7 @@ struct Remedy {
 
 impl Remedy {
     /// Follows the errors of `settings` through the keys that `changes` leave alone.
-    fn of(error: SettingsError, mut settings: Settings, changes: &[(String, String)]) -> Self {
+    fn from_error(error: SettingsError, mut settings: Settings, changes: &[(String, String)]) -> Self {
         let is_given = |place: Place| changes.iter().any(|(name, _)| names(place).contains(name));
         let mut others: Vec<(Place, String)> = Vec::new();
         let mut next = Some(error);

@@ -29,7 +29,7 @@ pub fn entries(settings: &Settings) -> Vec<(String, String)> {
     let mut copy = settings.clone();
     let mut entries = Vec::new();
     let mut add = |key: Key, motor: Option<u8>| {
-        let value = Value::of(&mut copy, key, motor.map_or(0, usize::from)).show();
+        let value = Value::from_settings(&mut copy, key, motor.map_or(0, usize::from)).show();
         entries.push((Place { key, motor }.to_string(), value));
     };
     for key in Key::ALL.into_iter().filter(|key| !key.is_of_a_motor()) {
@@ -61,7 +61,7 @@ pub fn set(settings: &mut Settings, name: &str, text: &str) -> Result<(), Device
     let key = Key::ALL.into_iter().find(|key| key.name() == key_name && key.is_of_a_motor() == is_of_a_motor);
     let key = key.ok_or_else(|| unknown(name))?;
     for motor in motors {
-        Value::of(settings, key, motor)
+        Value::from_settings(settings, key, motor)
             .parse(text)
             .map_err(|help| DeviceError::Setting { message: format!("`{text}` is no value for {name}"), help })?;
     }
@@ -95,7 +95,7 @@ enum Value<'a> {
 }
 
 impl<'a> Value<'a> {
-    fn of(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
+    fn from_settings(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
         let MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve } = &mut settings.motors[motor];
         let inverse = &mut settings.inverse;
         match key {
@@ -142,10 +142,10 @@ impl<'a> Value<'a> {
             Self::Level(bits) => level_text(**bits),
             Self::OptionalLevel(bits) => bits.map_or_else(|| NONE.to_owned(), level_text),
             Self::Switch(value) => value.to_string(),
-            Self::Kind(value) => name_of(&KINDS, **value),
+            Self::Kind(value) => find_name(&KINDS, **value),
             Self::Curve(value) => value.as_ref().map_or_else(|| NONE.to_owned(), curve_text),
-            Self::Protocol(value) => name_of(&PROTOCOLS, **value),
-            Self::NoSignal(value) => name_of(&NO_SIGNAL, **value),
+            Self::Protocol(value) => find_name(&PROTOCOLS, **value),
+            Self::NoSignal(value) => find_name(&NO_SIGNAL, **value),
         }
     }
 
@@ -231,7 +231,7 @@ fn read_curve(text: &str) -> Result<RotorCurve, String> {
 }
 
 /// The name of a value among those that there are.
-fn name_of<T: Copy + PartialEq>(names: &[(&str, T)], value: T) -> String {
+fn find_name<T: Copy + PartialEq>(names: &[(&str, T)], value: T) -> String {
     names.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name).to_owned()
 }
 

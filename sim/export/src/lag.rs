@@ -13,7 +13,7 @@ pub(super) struct Band {
 }
 
 impl Band {
-    pub(super) fn of(estimate: Estimate) -> Self {
+    pub(super) fn from_estimate(estimate: Estimate) -> Self {
         let (low, high) = estimate.interval(0.95);
         Self { value: estimate.value, low: Some(low), high: Some(high) }
     }
@@ -52,7 +52,7 @@ pub(super) enum Direction {
 
 impl Lag {
     /// From the model's curve with its band, or from its points where it has none; in the middle unless `at` is given.
-    pub(super) fn of(model: &Model, at: Option<f64>) -> Result<Self, String> {
+    pub(super) fn from_model(model: &Model, at: Option<f64>) -> Result<Self, String> {
         let curve = model.time_constant_curve.as_ref().filter(|curve| !curve.nominal.is_empty());
         let nominals = || match curve {
             Some(curve) => curve.nominal.clone(),
@@ -70,7 +70,7 @@ impl Lag {
                 "the time constant is known from commands of {first} to {last}, and not at {at}: choose one of these, or measure there"
             ));
         }
-        let time_constant_s = curve.map_or_else(|| of_points(&model.points, at), |curve| of_curve(curve, at));
+        let time_constant_s = curve.map_or_else(|| between_points(&model.points, at), |curve| on_curve(curve, at));
         let delay_s = model.at(at).map_or(0.0, |lag| lag.delay_s);
         Ok(Self { time_constant_s, at, measured: (first, last), delay_s })
     }
@@ -118,13 +118,13 @@ fn interpolated(nominals: &[f64], at: f64, value: impl Fn(usize) -> f64) -> f64 
     value(above - 1) + (at - low) / (high - low) * (value(above) - value(above - 1))
 }
 
-fn of_curve(curve: &TimeConstantBand, at: f64) -> Band {
+fn on_curve(curve: &TimeConstantBand, at: f64) -> Band {
     let of = |values: &[f64]| interpolated(&curve.nominal, at, |index| values[index]);
     Band { value: of(&curve.time_constant_s), low: Some(of(&curve.low_s)), high: Some(of(&curve.high_s)) }
 }
 
 /// The standard error is interpolated as well: no less than that of the interpolated value, however the points' errors go together.
-fn of_points(points: &[Point], at: f64) -> Band {
+fn between_points(points: &[Point], at: f64) -> Band {
     let nominals: Vec<f64> = points.iter().map(|point| point.nominal).collect();
     let value = interpolated(&nominals, at, |index| points[index].time_constant_s);
     // A value that is missing becomes NaN, and with it what is interpolated from it.

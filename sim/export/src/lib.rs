@@ -80,13 +80,13 @@ pub fn stack_parameters(
     experiment: Option<&Experiment>,
     options: StackOptions,
 ) -> StackParameters {
-    let maps = Maps::of(model, experiment);
+    let maps = Maps::from_model(model, experiment);
     // A stack without one has no parameter that depends on it.
     let range = options.output_range.or(stack.output_range()).unwrap_or((0.0, 1.0));
     let known = Known { model, maps, at: options.at, range };
     let (mut parameters, mut refused) = (Vec::new(), Vec::new());
     for definition in stack.definitions() {
-        match known.raw(definition.quantity).and_then(|raw| raw.in_units_of(definition)) {
+        match known.raw(definition.quantity).and_then(|raw| raw.in_units(definition)) {
             Ok(parameter) => parameters.push(parameter),
             Err(why) => refused.push(Refusal { name: definition.name, why }),
         }
@@ -134,7 +134,7 @@ impl Known<'_> {
     }
 
     fn lag(&self, band: impl Fn(Lag) -> Result<Band, String>) -> Result<Raw, String> {
-        let lag = Lag::of(self.model, self.at)?;
+        let lag = Lag::from_model(self.model, self.at)?;
         let mut notes = Vec::new();
         if self.at.is_none() {
             notes.push(String::from(
@@ -176,7 +176,7 @@ impl Known<'_> {
             notes.push(String::from("no thrust was measured: it is taken to go with the square of the rotor speed"));
         }
         Ok(Raw {
-            band: Band::of(found.parameter),
+            band: Band::from_estimate(found.parameter),
             at: None,
             measured: found.measured,
             worst_error_percent: Some(found.worst_error_percent),
@@ -187,7 +187,7 @@ impl Known<'_> {
 
 impl Raw {
     /// The parameter in its stack's unit, whole where the stack wants it so; refused beyond what the stack takes.
-    fn in_units_of(mut self, definition: &'static Definition) -> Result<Parameter, String> {
+    fn in_units(mut self, definition: &'static Definition) -> Result<Parameter, String> {
         let Band { value: exact, low, high } = self.band.times(definition.scale);
         // Plus zero: a stack need not know a minus zero.
         let mut value = if definition.is_integer { exact.round() + 0.0 } else { exact };

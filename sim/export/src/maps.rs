@@ -20,10 +20,10 @@ pub(super) struct Maps {
 
 impl Maps {
     /// The model's map, and the records' where the model has none of that response.
-    pub(super) fn of(model: &Model, experiment: Option<&Experiment>) -> Self {
+    pub(super) fn from_model(model: &Model, experiment: Option<&Experiment>) -> Self {
         let output = model.provenance.as_ref().map(|provenance| provenance.output);
         let [thrust_n, rpm] = [Output::ThrustN, Output::Rpm]
-            .map(|wanted| experiment.and_then(|experiment| of_records(experiment, wanted)));
+            .map(|wanted| experiment.and_then(|experiment| map_from_records(experiment, wanted)));
         let of = |wanted, of_records: &Option<StaticMap>| {
             let of_model = model.static_map.clone().filter(|_| output == Some(wanted));
             of_model.or_else(|| of_records.clone())
@@ -36,7 +36,7 @@ impl Maps {
     }
 }
 
-fn of_records(experiment: &Experiment, output: Output) -> Option<StaticMap> {
+fn map_from_records(experiment: &Experiment, output: Output) -> Option<StaticMap> {
     let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
     for record in experiment.records.iter().filter(|record| !record.compensated) {
         // Most records are no staircase, or lack the response.

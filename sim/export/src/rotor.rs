@@ -69,7 +69,7 @@ pub(super) fn motor_constant(maps: &Maps) -> Result<MotorConstant, String> {
     let std = (misses().map(|miss| miss * miss).sum::<f64>() / dof / square).sqrt();
     let full = both.iter().map(|(_, thrust, _)| *thrust).fold(f64::MIN_POSITIVE, f64::max);
     Ok(MotorConstant {
-        n_per_rad2_s2: Band::of(Estimate { value, std, dof }),
+        n_per_rad2_s2: Band::from_estimate(Estimate { value, std, dof }),
         measured: (both[0].0, both[both.len() - 1].0),
         worst_error_percent: 100.0 * misses().fold(0.0, f64::max) / full,
     })

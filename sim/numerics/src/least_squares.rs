@@ -308,7 +308,7 @@ pub struct Solution {
     /// Sum of squared residuals.
     pub sum_of_squares: f64,
     /// `(J'J)^-1`: the parameters' covariance for residuals of unit variance that are independent.
-    /// Multiply by the residuals' variance, or use [`Solution::covariance_of`] when they are not
+    /// Multiply by the residuals' variance, or use [`Solution::covariance_with`] when they are not
     /// independent. `None` where the data leave a combination of parameters undetermined.
     pub unit_covariance: Option<DMatrix<f64>>,
     /// Whether the sum stopped decreasing before the steps ran out.
@@ -322,7 +322,7 @@ impl Solution {
     /// `(J'J)^-1 J' (R J) (J'J)^-1` (Ljung, section 9.4). Takes the product because `R` itself is too
     /// large to hold.
     #[must_use]
-    pub fn covariance_of(&self, noise_times_jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    pub fn covariance_with(&self, noise_times_jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let unit = self.unit_covariance.as_ref()?;
         Some(unit * (self.jacobian.transpose() * noise_times_jacobian) * unit)
     }

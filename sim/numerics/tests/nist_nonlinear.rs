@@ -62,7 +62,7 @@ fn agrees_from(problem: &Problem, start: &[f64]) {
     let covariance = solution.unit_covariance.as_ref().expect("the data determine all parameters");
     agrees(problem, &solution.parameters, solution.sum_of_squares, covariance);
     // Independent residuals of equal variance are a special case of the general covariance.
-    let general = solution.covariance_of(&solution.jacobian).expect("there is a covariance");
+    let general = solution.covariance_with(&solution.jacobian).expect("there is a covariance");
     for index in 0..start.len() {
         assert!((general[(index, index)] / covariance[(index, index)] - 1.0).abs() < 1e-5, "{}", problem.name);
     }

@@ -75,7 +75,7 @@ impl Actuator {
     /// [`PlantError`] when the model, the frame rate or its phase are impossible, or when the model has no points
     /// around the nominal command.
     pub fn new(model: &Model, law: Law, timing: EscTiming) -> Result<Self, PlantError> {
-        let effects = ActiveEffect::of_model(model)?;
+        let effects = ActiveEffect::from_model(model)?;
         match law {
             Law::LinearAround(nominal) => {
                 Self::with_effects(OperatingCurve::around_without_effects(model, nominal)?, &effects, timing)

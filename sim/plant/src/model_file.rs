@@ -131,7 +131,7 @@ command_rate_hz = 5000
             let start = actuator.response();
             actuator.advance(0.505, 10.0);
             let part = (actuator.response() - start) / (7.1 * 0.005);
-            (ActiveEffect::of_model(&model).unwrap()[0].value("compliance"), part)
+            (ActiveEffect::from_model(&model).unwrap()[0].value("compliance"), part)
         };
         let bent = MODEL.replacen("half_width = 0.01 ", "half_width = 0.01, compliance = 0.4 ", 1);
         let (value, part) = passed(&bent);

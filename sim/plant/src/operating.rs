@@ -77,7 +77,7 @@ impl OperatingCurve {
     /// # Errors
     /// [`PlantError`] as for [`OperatingCurve::new`], or when `nominal` is not between the model's points.
     pub fn around(model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
-        Self::new(model)?.of_model(model, nominal)
+        Self::new(model)?.point(model, nominal)
     }
 
     /// [`OperatingCurve::around`] for a model whose effects are counted elsewhere.
@@ -85,10 +85,10 @@ impl OperatingCurve {
     /// # Errors
     /// [`PlantError`] when the model is impossible, or `nominal` is not between its points.
     pub fn around_without_effects(model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
-        Self::without_effects(model)?.of_model(model, nominal)
+        Self::without_effects(model)?.point(model, nominal)
     }
 
-    fn of_model(&self, model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
+    fn point(&self, model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
         Ok(OperatingPoint { nominal, lag: model.at(nominal)?, response: self.steady_response(nominal) })
     }
 

@@ -31,7 +31,7 @@ impl Experiment {
     pub fn check_appendable(&self, folder: &Path) -> Result<(), FileError> {
         let (there, file): (Manifest, _) = TomlFile::read(&folder.join(MANIFEST))?;
         there.check().map_err(|fault| file.show(&fault))?;
-        let here = Manifest::of(self);
+        let here = Manifest::from_experiment(self);
         let refuse = |key: &str, there: String, here: String| {
             let fault = Place::root().key(key).fault(
                 format!("the experiment has {there}, and the record to be added {here}"),
@@ -90,9 +90,9 @@ impl Experiment {
         for record in &self.records {
             match there.records.iter().position(|entry| entry.file == record.file) {
                 Some(index) => {
-                    there.records[index].check_is_of(record, &place(index)).map_err(|fault| file.show(&fault))?;
+                    there.records[index].check_describes(record, &place(index)).map_err(|fault| file.show(&fault))?;
                 }
-                None => records.push(Entry::of(record)),
+                None => records.push(Entry::from_record(record)),
             }
         }
         let text =

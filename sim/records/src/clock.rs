@@ -42,7 +42,7 @@ pub(super) struct WrongClock {
 
 impl Clock {
     /// Of all rows. Steady points are as far apart as it took to reach them; all other rows follow a motor.
-    pub(super) fn of(record: &Record) -> Self {
+    pub(super) fn from_record(record: &Record) -> Self {
         let mut clock = Self::default();
         if record.excitation != Excitation::Steady {
             clock.add(&record.time_s);

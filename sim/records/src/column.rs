@@ -40,7 +40,7 @@ impl Column {
     }
 
     /// The column that holds the response.
-    pub(super) fn of(output: Output) -> Self {
+    pub(super) fn for_output(output: Output) -> Self {
         match output {
             Output::ThrustN => Self::ThrustN,
             Output::Rpm => Self::Rpm,

@@ -105,7 +105,7 @@ impl Finding {
 
     /// Whether it is about the same thing of the same file.
     #[must_use]
-    pub fn is_of(&self, file: Option<&str>, topic: Topic) -> bool {
+    pub fn is_about(&self, file: Option<&str>, topic: Topic) -> bool {
         self.topic == topic && self.file.as_deref() == file
     }
 }

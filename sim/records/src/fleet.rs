@@ -65,7 +65,7 @@ impl FleetList {
         let mut reader = reader(text);
         let mut row = StringRecord::new();
         next(&mut reader, &mut row);
-        let columns = Columns::of(text, &row)?;
+        let columns = Columns::from_header(text, &row)?;
         let (mut logs, mut folders) = (Vec::new(), BTreeSet::new());
         while next(&mut reader, &mut row) {
             let log = columns.log(text, &row)?;
@@ -110,7 +110,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(text: &TextFile, header: &StringRecord) -> Result<Self, FileError> {
+    fn from_header(text: &TextFile, header: &StringRecord) -> Result<Self, FileError> {
         for (index, name) in header.iter().enumerate() {
             if !COLUMNS.contains(&name) {
                 let guess =

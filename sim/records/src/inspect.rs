@@ -74,7 +74,7 @@ impl Experiment {
             let record = index.and_then(|index| manifest.records.get(index)).map(|entry| entry.file.clone());
             unreadable.push(Unreadable::new(record, file.show(&fault)));
         }
-        let rate = |key: &str, rate: Option<f64>| rate.filter(|rate| Quantity::of(key).accept(*rate).is_ok());
+        let rate = |key: &str, rate: Option<f64>| rate.filter(|rate| Quantity::for_key(key).accept(*rate).is_ok());
         let mut experiment = Self {
             name: manifest.name,
             output: manifest.output,

@@ -61,7 +61,7 @@ pub struct RowCount {
 impl LongRecord {
     /// The columns that the file must have.
     fn needed(&self) -> [Column; 3] {
-        [Column::TimeS, Column::Command, Column::of(self.output)]
+        [Column::TimeS, Column::Command, Column::for_output(self.output)]
     }
 
     /// Rows and times by the file's line ends and its last line, without reading its numbers: right for a file of one row

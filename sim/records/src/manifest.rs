@@ -70,7 +70,7 @@ pub(super) fn place(index: usize) -> Place {
 
 impl Manifest {
     /// What `experiment.toml` says of `experiment`.
-    pub(super) fn of(experiment: &Experiment) -> Self {
+    pub(super) fn from_experiment(experiment: &Experiment) -> Self {
         Self {
             format: 1,
             name: experiment.name.clone(),
@@ -79,7 +79,7 @@ impl Manifest {
             sample_rate_hz: experiment.sample_rate_hz,
             esc_frame_hz: experiment.esc_frame_hz,
             command_rate_hz: experiment.command_rate_hz,
-            records: experiment.records.iter().map(Entry::of).collect(),
+            records: experiment.records.iter().map(Entry::from_record).collect(),
         }
     }
 
@@ -172,7 +172,7 @@ impl Manifest {
 }
 
 impl Entry {
-    pub(super) fn of(record: &Record) -> Self {
+    pub(super) fn from_record(record: &Record) -> Self {
         Self {
             file: record.file.clone(),
             nominal: record.nominal,
@@ -213,7 +213,7 @@ impl Entry {
     }
 
     /// Whether it describes `record`, whose file it names: this is where it stands.
-    pub(super) fn check_is_of(&self, record: &Record, place: &Place) -> Result<(), Fault> {
+    pub(super) fn check_describes(&self, record: &Record, place: &Place) -> Result<(), Fault> {
         let period = |period_s: Option<f64>| period_s.map_or_else(|| String::from("none"), |s| format!("{s} s"));
         let is_same_period = match (self.period_s, record.period_s) {
             (Some(here), Some(there)) => (here / there - 1.0).abs() < SAME_PERIOD,

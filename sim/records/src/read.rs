@@ -148,7 +148,7 @@ impl Experiment {
         with_command: bool,
     ) -> Result<(Table, Record), FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
-        let response = Column::of(self.output);
+        let response = Column::for_output(self.output);
         let needed: &[Column] =
             if with_command { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
         let mut table = Table::read(text, needed, kind)?;

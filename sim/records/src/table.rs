@@ -60,7 +60,7 @@ impl Table {
 
     /// Refuses times that are no motor's record's.
     pub(super) fn check_clock(&self, record: &Record) -> Result<(), FileError> {
-        match Clock::of(record).wrong() {
+        match Clock::from_record(record).wrong() {
             Some(WrongClock { row, message, help }) => Err(self.cells.wrong_time(&self.text, row, message, help)),
             None => Ok(()),
         }

@@ -37,7 +37,7 @@ impl Experiment {
     /// As for [`Experiment::write`].
     pub fn write_responses(&self, folder: &Path) -> Result<(), FileError> {
         let folder = OutputFolder::create(folder)?;
-        self.write_columns(&folder, "", &[Column::of(self.output)])?;
+        self.write_columns(&folder, "", &[Column::for_output(self.output)])?;
         folder.commit()
     }
 
@@ -67,7 +67,7 @@ impl Experiment {
 
     /// The columns that every record has.
     pub(super) fn needed(&self) -> [Column; 2] {
-        [Column::Command, Column::of(self.output)]
+        [Column::Command, Column::for_output(self.output)]
     }
 
     /// The names of all files begin with `below`.
@@ -75,7 +75,7 @@ impl Experiment {
         let within = |name: &str| format!("{below}{name}");
         self.check_for(needed)
             .map_err(|(name, fault)| FileError::refused(&folder.destination().join(within(&name)), fault))?;
-        folder.write(&within(MANIFEST), to_toml(&Manifest::of(self)).as_bytes())?;
+        folder.write(&within(MANIFEST), to_toml(&Manifest::from_experiment(self)).as_bytes())?;
         for record in &self.records {
             folder.write_parts(&within(&record.file), csv_parts(record))?;
         }
@@ -84,7 +84,7 @@ impl Experiment {
 
     /// The first fault, and the file that would have it.
     fn check_for(&self, needed: &[Column]) -> Result<(), (String, Fault)> {
-        Manifest::of(self).check().map_err(|fault| (MANIFEST.to_owned(), fault))?;
+        Manifest::from_experiment(self).check().map_err(|fault| (MANIFEST.to_owned(), fault))?;
         for record in &self.records {
             self.check_columns(record, needed).map_err(|fault| (record.file.clone(), fault))?;
         }
@@ -123,7 +123,7 @@ impl Experiment {
                 previous = Some(*value);
             }
         }
-        if let Some(WrongClock { row, message, help }) = Clock::of(record).wrong() {
+        if let Some(WrongClock { row, message, help }) = Clock::from_record(record).wrong() {
             return Err(place(Column::TimeS).item(row - 1).fault(message, help));
         }
         match self.sample_rate_hz {

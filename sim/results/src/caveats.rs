@@ -16,7 +16,7 @@ pub fn judged(model: &Model) -> Option<Finding> {
 
 /// Said of a compensator whose file names another model: what is predicted with this one holds for another motor.
 #[must_use]
-pub fn of_another_model(compensator: &CompensatorDesign, model: &Model) -> Option<Finding> {
+pub fn warn_of_another_model(compensator: &CompensatorDesign, model: &Model) -> Option<Finding> {
     let (named, this) = (compensator.provenance.as_ref()?, CompensatorProvenance::new(model));
     (named.model_crc32 != this.model_crc32).then(|| {
         warning(

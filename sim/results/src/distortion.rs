@@ -19,7 +19,7 @@ pub struct DistortionValues {
 impl DistortionValues {
     /// Of one nominal command.
     #[must_use]
-    pub fn of(found: &NominalIdentification) -> Self {
+    pub fn from_nominal(found: &NominalIdentification) -> Self {
         let robust = found.robust.as_ref();
         Self {
             nominal: found.nominal,
@@ -37,7 +37,8 @@ impl DistortionValues {
 pub fn distortion_table(found: &PeriodicIdentification) -> Option<Table> {
     let known: Vec<_> = found.nominals.iter().filter(|nominal| nominal.distortion.is_some()).collect();
     let row = |nominal: &&NominalIdentification| {
-        let DistortionValues { nominal, noise_db, even, odd, stochastic_db, .. } = DistortionValues::of(nominal);
+        let DistortionValues { nominal, noise_db, even, odd, stochastic_db, .. } =
+            DistortionValues::from_nominal(nominal);
         vec![Cell::number(nominal, 3), decibels(noise_db), level(even), level(odd), decibels(stochastic_db)]
     };
     let mut caption =

@@ -3,7 +3,7 @@
 use rotorlead_answer::{Axis, Cell, Color, Column, Fact, Figure, FigureKind, Mark, Panel, Section, Series, Table};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
-use crate::figures::excitation::{crest_factor, excitation_of};
+use crate::figures::excitation::{crest_factor, excitation_figure};
 use crate::unit::quantity;
 
 /// Pieces of which a curve is drawn.
@@ -76,7 +76,7 @@ pub fn excitation_section(experiment: &Experiment) -> Section {
     };
     let multisines =
         experiment.records.iter().filter(|record| record.excitation == Excitation::Multisine && !record.compensated);
-    let figures = multisines.filter(is_new).filter_map(excitation_of).collect();
+    let figures = multisines.filter(is_new).filter_map(excitation_figure).collect();
     Section { tables: vec![records(experiment)], figures, ..Section::new("excitation", "Records and excitation") }
 }
 

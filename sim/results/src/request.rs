@@ -83,7 +83,7 @@ pub enum RequestError {
 
 impl DesignRequest {
     /// The parameters that only one kind has, by name, and whether they are given.
-    fn of_one_kind(&self) -> [(Kind, &'static str, bool); 6] {
+    fn parameters_of_one_kind(&self) -> [(Kind, &'static str, bool); 6] {
         [
             (Kind::Lead, "omega_g_rad_s", self.omega_g_rad_s.is_some()),
             (Kind::Lead, "prewarp_rad_s", self.prewarp_rad_s.is_some()),
@@ -97,7 +97,8 @@ impl DesignRequest {
     /// The kind that is asked for, by itself or by a parameter that only one has.
     #[must_use]
     pub fn kind(&self) -> Option<Kind> {
-        let implied = || self.of_one_kind().into_iter().find(|(_, _, is_given)| *is_given).map(|(kind, ..)| kind);
+        let implied =
+            || self.parameters_of_one_kind().into_iter().find(|(_, _, is_given)| *is_given).map(|(kind, ..)| kind);
         self.kind.or_else(implied)
     }
 
@@ -105,7 +106,10 @@ impl DesignRequest {
     #[must_use]
     pub fn foreign(&self) -> Option<&'static str> {
         let kind = self.kind()?;
-        self.of_one_kind().into_iter().find(|(of, _, is_given)| *is_given && *of != kind).map(|(_, name, _)| name)
+        self.parameters_of_one_kind()
+            .into_iter()
+            .find(|(of, _, is_given)| *is_given && *of != kind)
+            .map(|(_, name, _)| name)
     }
 
     /// The options of a kind, with the defaults for what is not given.
@@ -146,7 +150,7 @@ impl DesignRequest {
     /// The kind that is asked for, or else a lead.
     #[must_use]
     pub fn chosen_or_lead(&self, model: &Model) -> Chosen {
-        self.of_kind(self.kind().unwrap_or(Kind::Lead), model)
+        self.choose(self.kind().unwrap_or(Kind::Lead), model)
     }
 
     /// The kind that is asked for, or what is recommended for `purpose`: by `known`, unless that is yet to be found.
@@ -160,16 +164,16 @@ impl DesignRequest {
         known: Option<Recommendation>,
     ) -> Result<Chosen, RequestError> {
         if let Some(kind) = self.kind() {
-            return Ok(self.of_kind(kind, model));
+            return Ok(self.choose(kind, model));
         }
         let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
         let found = || recommend(model, model.judgement().and_then(Judgement::doubt), &asked);
         let recommendation = known.map_or_else(found, Ok)?;
         let choice = recommendation.of(purpose);
         let chosen = match choice.actuator {
-            ActuatorKind::Lead => self.of_kind(Kind::Lead, model),
+            ActuatorKind::Lead => self.choose(Kind::Lead, model),
             ActuatorKind::Inverse { omega_f_rad_s } => {
-                Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.of_kind(Kind::Inverse, model)
+                Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.choose(Kind::Inverse, model)
             }
             ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
                 let other = match recommendation.of(purpose.other()) {
@@ -184,7 +188,7 @@ impl DesignRequest {
     }
 
     /// A kind for `model`: where no omega_g is asked for and the motor is too slow for the paper's, the highest that it allows.
-    fn of_kind(&self, kind: Kind, model: &Model) -> Chosen {
+    fn choose(&self, kind: Kind, model: &Model) -> Chosen {
         let mut options = self.options(kind);
         let mut findings = Vec::new();
         if let KindOptions::Lead(lead) = &mut options

@@ -86,7 +86,7 @@ pub fn validation_answer(
         text: validation_in_words(records),
         verdict: judged_verdict(judgement),
         tables: std::iter::once(scores).chain(by_nominal).collect(),
-        figures: records.iter().map(|record| figures_of(record, output)).collect(),
+        figures: records.iter().map(|record| comparison_figure(record, output)).collect(),
         values: object(&json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records })),
         ..Answer::default()
     }
@@ -132,7 +132,7 @@ fn probability(p_value: f64) -> String {
 
 /// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
 #[must_use]
-fn figures_of(record: &RecordValidation, output: Output) -> Figure {
+fn comparison_figure(record: &RecordValidation, output: Output) -> Figure {
     let ceiling = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(", ceiling {ceiling:.2} %"));
     let title = format!("{}: fit {:.2} %{ceiling}", record.file, record.fit_percent);
     match &record.comparison {

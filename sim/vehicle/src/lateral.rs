@@ -85,7 +85,7 @@ pub fn force_n(
     let step = |tick: usize| {
         if tick.is_multiple_of(per_control) {
             let force = command_n(tick as f64 / TICK_HZ);
-            commands = allocation.thrust.map(|per_n| rotor.command_of(hover_n + per_n * force, range));
+            commands = allocation.thrust.map(|per_n| rotor.command_for(hover_n + per_n * force, range));
         }
         let mut force = 0.0;
         for (index, (running, v)) in motors.iter_mut().enumerate() {

@@ -178,7 +178,7 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
             let none = Choice { actuator: ActuatorKind::None, why: why.to_owned() };
             (none.clone(), none)
         }
-        None => (of_force(&candidates), of_rate_loop(&candidates)),
+        None => (choose_for_force(&candidates), choose_for_rate_loop(&candidates)),
     };
     Ok(Recommendation { force, rate_loop, candidates, refused })
 }
@@ -233,7 +233,7 @@ impl Case<'_> {
     }
 
     fn candidate(&self, kind: ActuatorKind, design: Option<CompensatorDesign>) -> Candidate {
-        let (bandwidth_rad_s, minus_90_rad_s, is_gain_lost) = self.of_chain(design.as_ref());
+        let (bandwidth_rad_s, minus_90_rad_s, is_gain_lost) = self.chain_limits(design.as_ref());
         let noise_gain = design
             .as_ref()
             .map_or(1.0, |design| design.command_noise_gain().into_iter().map(|at| at.gain).fold(0.0, f64::max));
@@ -278,7 +278,7 @@ impl Case<'_> {
 
     /// The lowest bandwidth of the operating points, the lowest frequency at which the chain lags 90 degrees, and whether dead time
     /// takes what is gained at every point: with `design`, or without one.
-    fn of_chain(&self, design: Option<&CompensatorDesign>) -> (Option<f64>, Option<f64>, bool) {
+    fn chain_limits(&self, design: Option<&CompensatorDesign>) -> (Option<f64>, Option<f64>, bool) {
         // Where none is designed any lead will do: it is left out.
         let left_out = LeadParameters { omega_z_rad_s: 1.0, omega_f_rad_s: 1.0, damping: 1.0 };
         let chain = design.map_or(Chain::Continuous(&left_out), Chain::Designed);
@@ -360,7 +360,7 @@ struct Step {
 }
 
 /// What lets a force rise soonest without a step that meets a limit anywhere in the range.
-fn of_force(candidates: &[Candidate]) -> Choice {
+fn choose_for_force(candidates: &[Candidate]) -> Choice {
     let none = |why: String| Choice { actuator: ActuatorKind::None, why };
     let Some(bare_s) = candidates.first().and_then(|bare| bare.rise_s) else {
         return none("a step of the bare motor does not rise within its range of commands".to_owned());
@@ -386,7 +386,7 @@ fn of_force(candidates: &[Candidate]) -> Choice {
 }
 
 /// What is better than none by the rule of `rotorlead vehicle`, and has the highest bandwidth.
-fn of_rate_loop(candidates: &[Candidate]) -> Choice {
+fn choose_for_rate_loop(candidates: &[Candidate]) -> Choice {
     let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
     let better = || others.iter().filter(|one| one.rate_loop.worth(&bare.rate_loop) == Some(Worth::Better));
     let kept = better().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);

@@ -82,7 +82,7 @@ impl RollAxis<'_> {
                 let acceleration = pid.update(rate_setpoint(time_s, angle) - measured, is_saturated);
                 let thrusts = [1.0, -1.0].map(|sign| hover_n + sign * acceleration * force_n);
                 is_saturated = thrusts.iter().any(|thrust| !(least_n..=most_n).contains(thrust));
-                commands = thrusts.map(|thrust| self.rotor.command_of(thrust, range));
+                commands = thrusts.map(|thrust| self.rotor.command_for(thrust, range));
             }
             waiting.push_back(commands);
             let arrived = waiting.pop_front().unwrap_or(commands);

@@ -75,7 +75,7 @@ impl Rotor {
 
     /// The command from `min` to `max` with the steady thrust `thrust_n`, or the nearer end.
     #[must_use]
-    pub fn command_of(&self, thrust_n: f64, (min, max): (f64, f64)) -> f64 {
+    pub fn command_for(&self, thrust_n: f64, (min, max): (f64, f64)) -> f64 {
         let (mut low, mut high) = (min, max);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -119,9 +119,9 @@ mod tests {
     fn the_command_of_a_thrust_is_the_inverse_of_the_thrust() {
         let rotor = Rotor::new(&table_1()).unwrap();
         for command in [0.06, 0.3, 0.45, 0.5, 0.61, 0.99] {
-            assert!((rotor.command_of(rotor.thrust_n(command), (0.05, 1.0)) - command).abs() < 1e-9);
+            assert!((rotor.command_for(rotor.thrust_n(command), (0.05, 1.0)) - command).abs() < 1e-9);
         }
-        assert!((rotor.command_of(1e3, (0.05, 1.0)) - 1.0).abs() < 1e-9, "more than there is");
+        assert!((rotor.command_for(1e3, (0.05, 1.0)) - 1.0).abs() < 1e-9, "more than there is");
     }
 
     #[test]

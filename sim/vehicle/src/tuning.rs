@@ -79,7 +79,7 @@ pub fn tuned(points: &[PointResponse], integral_time_s: f64, has_d: bool, rule: 
         let part = |index: usize| index as f64 / (DERIVATIVE_TIMES - 1) as f64;
         times.extend((0..DERIVATIVE_TIMES).map(|index| SHORTEST_DERIVATIVE_S * ratio.powf(part(index))));
     }
-    let (mut best, mut gain) = best_of(&times, largest)?;
+    let (mut best, mut gain) = best_derivative_time(&times, largest)?;
     for _ in 0..if has_d { REFINEMENTS.0 } else { 0 } {
         let index = times.iter().position(|time| *time == best)?;
         let (low, high) = (times[index.saturating_sub(1)], times[(index + 1).min(times.len() - 1)]);
@@ -88,7 +88,7 @@ pub fn tuned(points: &[PointResponse], integral_time_s: f64, has_d: bool, rule: 
             (0..=REFINEMENTS.1 + 1).map(|step| low + (high - low) * step as f64 / steps).collect();
         finer.push(best);
         finer.sort_by(f64::total_cmp);
-        (best, gain) = best_of(&finer, largest)?;
+        (best, gain) = best_derivative_time(&finer, largest)?;
         times = finer;
     }
     let loops: Vec<UnitLoop<'_>> = points.iter().map(|point| point.with_times(integral_time_s, best)).collect();
@@ -112,7 +112,7 @@ pub fn tuned(points: &[PointResponse], integral_time_s: f64, has_d: bool, rule: 
 }
 
 /// The derivative time with the largest gain, the shortest of several, and that gain.
-fn best_of(times: &[f64], gain: impl Fn(&f64) -> Option<f64> + Sync) -> Option<(f64, f64)> {
+fn best_derivative_time(times: &[f64], gain: impl Fn(&f64) -> Option<f64> + Sync) -> Option<(f64, f64)> {
     let gains: Vec<Option<f64>> = times.par_iter().with_min_len(2).map(&gain).collect();
     let known = times.iter().zip(gains).filter_map(|(time, gain)| Some((*time, gain?)));
     known.reduce(|best, here| if here.1 > best.1 { here } else { best })

@@ -80,7 +80,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Compares the answers file by file.
-    pub fn of(before: &Answers, after: &Answers, renamed: &Renamed, tolerance: Tolerance) -> Self {
+    pub fn compare(before: &Answers, after: &Answers, renamed: &Renamed, tolerance: Tolerance) -> Self {
         let object = |answers: &Answers| Value::Object(answers.clone().into_iter().collect::<Map<_, _>>());
         let mut walk = Walk { renamed, tolerance, found: Self { values: 0, differences: Vec::new(), largest: 0.0 } };
         walk.compare("", &object(before), &object(after), 0.0);
@@ -168,7 +168,7 @@ mod tests {
 
     fn differences(before: Value, after: Value, renamed: &str, tolerance: Tolerance) -> Vec<String> {
         let answers = |value: Value| Answers::from([("a.json".to_owned(), value)]);
-        Comparison::of(&answers(before), &answers(after), &Renamed::parse(renamed).unwrap(), tolerance).differences
+        Comparison::compare(&answers(before), &answers(after), &Renamed::parse(renamed).unwrap(), tolerance).differences
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub fn run_cases(options: &[&str]) -> Result {
     let mut different = Vec::new();
     for case in all.iter().filter(|case| names.is_empty() || names.contains(&case.as_str())) {
         let start = Instant::now();
-        let found = answers_of(case)?;
+        let found = run_case(case)?;
         let seconds = start.elapsed().as_secs_f64();
         let file = path(&format!("{case}.json.gz"));
         if flags.contains(&"--freeze") {
@@ -54,7 +54,7 @@ pub fn run_cases(options: &[&str]) -> Result {
             println!("{case}: {} answers frozen, {seconds:.0} s", found.len());
             continue;
         }
-        let comparison = Comparison::of(&read(&file)?, &found, &renamed, tolerance);
+        let comparison = Comparison::compare(&read(&file)?, &found, &renamed, tolerance);
         println!(
             "{case}: {} answers, {} values, {} differ, largest relative difference {:.1e}, {seconds:.0} s",
             found.len(),
@@ -92,7 +92,7 @@ fn cases() -> Result<Vec<String>> {
 }
 
 /// Runs a case's script in a folder of its own, which stays there to be looked at.
-fn answers_of(case: &str) -> Result<Answers> {
+fn run_case(case: &str) -> Result<Answers> {
     let folder = target_folder().join("answers").join(case);
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
     if folder.exists() {

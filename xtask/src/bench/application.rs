@@ -301,7 +301,7 @@ fn excite_request(lines: LineSet) -> ExciteRequest {
 /// Its pulses are held against the library's.
 fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lines: LineSet) -> Result<(u32, Costs)> {
     let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
-    let handlers = Handlers::of(image)?;
+    let handlers = Handlers::from_image(image)?;
     debugger.run_to(handlers.tick)?;
     let timer_hz = set(&mut debugger, &mut link, settings)?;
     // The first tick that is measured is the excitation's first.
@@ -506,7 +506,7 @@ impl<'a> Stand<'a> {
     /// A controller that runs with these settings, and has a clock that it trusts.
     fn new(image_path: &Path, image: &'a Image, settings: &Settings) -> Result<Self> {
         let Machine { mut debugger, mut link, qemu } = Machine::start(image_path)?;
-        let handlers = Handlers::of(image)?;
+        let handlers = Handlers::from_image(image)?;
         debugger.run_to(handlers.tick)?;
         trust_clock(&mut debugger, image)?;
         let timer_hz = set(&mut debugger, &mut link, settings)?;
@@ -566,10 +566,10 @@ impl<'a> Stand<'a> {
 
     /// Sends the core to its handler of faults, and on into the start after it.
     fn fault(&mut self) -> Result {
-        self.debugger.add_breakpoint(address_of(self.image, RESET)?)?;
-        self.debugger.jump(address_of(self.image, FAULT)?)?;
-        self.arrive(address_of(self.image, RESET)?, RESET)?;
-        self.debugger.remove_breakpoint(address_of(self.image, RESET)?)?;
+        self.debugger.add_breakpoint(function_address(self.image, RESET)?)?;
+        self.debugger.jump(function_address(self.image, FAULT)?)?;
+        self.arrive(function_address(self.image, RESET)?, RESET)?;
+        self.debugger.remove_breakpoint(function_address(self.image, RESET)?)?;
         trust_clock(&mut self.debugger, self.image)
     }
 
@@ -650,14 +650,14 @@ impl<'a> Stand<'a> {
 }
 
 /// The first instruction of a function.
-fn address_of(image: &Image, name: &str) -> Result<u32> {
+fn function_address(image: &Image, name: &str) -> Result<u32> {
     let index = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
     Ok(image.functions[index].address)
 }
 
 /// The emulator has no crystal, and its timers a clock of their own. Without a good clock the application does not let pulses arm.
 fn trust_clock(debugger: &mut Debugger, image: &Image) -> Result {
-    debugger.set_words(address_of(image, JUDGES_CLOCK)?, &[YES])
+    debugger.set_words(function_address(image, JUDGES_CLOCK)?, &[YES])
 }
 
 /// What an armed flight costs.
@@ -676,8 +676,8 @@ struct Handlers {
 }
 
 impl Handlers {
-    fn of(image: &Image) -> Result<Self> {
-        let address = |name| address_of(image, name);
+    fn from_image(image: &Image) -> Result<Self> {
+        let address = |name| function_address(image, name);
         Ok(Self { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? })
     }
 }

@@ -37,7 +37,7 @@ pub fn measure(command: &mut Command) -> Result<Cost> {
             break status;
         }
         // A program that has just ended has no memory left to show.
-        peak_mib = peak_of(child.id()).or(peak_mib);
+        peak_mib = peak_resident(child.id()).or(peak_mib);
         thread::sleep(LOOK);
     };
     let wall_s = start.elapsed().as_secs_f64();
@@ -50,7 +50,7 @@ pub fn measure(command: &mut Command) -> Result<Cost> {
 }
 
 /// `VmHWM` of a process: the most that was ever resident.
-fn peak_of(process: u32) -> Option<f64> {
+fn peak_resident(process: u32) -> Option<f64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix(" kB")?.parse::<f64>().ok().map(|kib| kib / 1024.0)

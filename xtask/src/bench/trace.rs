@@ -50,7 +50,7 @@ impl Locked {
 
 /// BASEPRI that keeps an interrupt of this priority waiting, or any lower one but 0: RTIC counts priorities upwards, and
 /// the core downwards in the upper 4 bits.
-const fn mask_of(priority: u32) -> u32 {
+const fn basepri_mask(priority: u32) -> u32 {
     (16 - priority) << 4
 }
 
@@ -69,7 +69,7 @@ impl Masks {
     fn add(&mut self, cycles: u32) {
         let Self { base_priority: base, all, now, longest } = self;
         let count = |priority, cycles_now: &mut u32| {
-            let masked = *all || (*base != 0 && *base <= mask_of(priority));
+            let masked = *all || (*base != 0 && *base <= basepri_mask(priority));
             *cycles_now = if masked { *cycles_now + cycles } else { 0 };
         };
         count(5, &mut now.bytes);

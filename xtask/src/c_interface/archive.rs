@@ -128,19 +128,19 @@ pub fn measure() -> Result<[Vec<Bytes>; 2]> {
             return Err(format!("the archive has {} bytes of state of its own", image.ram_bytes));
         }
         println!("{:<10} no panic can be reached, nothing is called through a pointer, nothing lies in RAM", core.name);
-        let calls = Calls::of(&image);
+        let calls = Calls::from_image(&image);
         for (row, name) in stacks.iter_mut().zip(&all) {
-            row.on_cores.push(calls.depth(root_of(&image, name)?, &|_| false)?.bytes.into());
+            row.on_cores.push(calls.depth(find_root(&image, name)?, &|_| false)?.bytes.into());
         }
     }
     Ok([sizes, stacks])
 }
 
-fn root_of(image: &Image, name: &str) -> Result<usize> {
+fn find_root(image: &Image, name: &str) -> Result<usize> {
     image.function_named(name).ok_or_else(|| format!("the archive has no function {name}"))
 }
 
 fn no_panic(image: &Image, functions: &[String]) -> Result {
-    let calls = Calls::of(image);
-    functions.iter().try_for_each(|name| firmware::cannot_panic(&calls, root_of(image, name)?, name))
+    let calls = Calls::from_image(image);
+    functions.iter().try_for_each(|name| firmware::cannot_panic(&calls, find_root(image, name)?, name))
 }

@@ -42,7 +42,7 @@ pub struct Depth {
 
 impl<'a> Calls<'a> {
     /// Reads every function of the image.
-    pub fn of(image: &'a Image) -> Self {
+    pub fn from_image(image: &'a Image) -> Self {
         let nodes = (0..image.functions.len()).map(|index| node(image, index)).collect();
         let taken = image.taken.iter().filter_map(|address| image.function_at(*address)).collect();
         Self { image, nodes, taken }

@@ -50,7 +50,7 @@ pub(super) struct Row {
 
 impl InverseDemonstration {
     /// Designs an inverse for `model`, which was identified, and measures it on `actuators`; `lead` is for comparison.
-    pub(super) fn of(actuators: &Model, model: &Model, plan: &Plan, lead: &CompensatorDesign) -> miette::Result<Self> {
+    pub(super) fn run(actuators: &Model, model: &Model, plan: &Plan, lead: &CompensatorDesign) -> miette::Result<Self> {
         let design = design_inverse(model, &InverseOptions::default())?.compensator;
         let design = CompensatorDesign::from(design).designed_for(model);
         let mut plan = plan.clone().compensated("inverse.toml");

@@ -125,7 +125,7 @@ struct PaperPair {
 }
 
 impl Row {
-    fn of(paper: &PaperRow, simulated: &BandwidthPoint, measured: &Measured) -> Self {
+    fn from_point(paper: &PaperRow, simulated: &BandwidthPoint, measured: &Measured) -> Self {
         let PaperRow { nominal, simulated_rad_s, measured_rad_s, .. } = *paper;
         Self {
             nominal,
@@ -147,7 +147,7 @@ impl Demo {
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
         let bar = progress::spinner("identifying");
-        let identified = IdentifyResult::of(&stand, &IdentifyOptions::default())?;
+        let identified = IdentifyResult::identify(&stand, &IdentifyOptions::default())?;
         let found = identified.identification.lags.in_frequency().expect("the paper's plan has multisines");
         let model = &identified.identification.model;
         let validated = validate(&stand, model)?;
@@ -168,11 +168,11 @@ impl Demo {
         let papers_design = rotorlead_design::design(&actuators, &DesignOptions::default())?;
         let papers_chain = Chain::Continuous(papers_design.lead());
         let latency = Latency::standard(papers_design.loop_rate_hz());
-        let mut simulated = BandwidthResult::of(&actuators, papers_chain, latency)?;
+        let mut simulated = BandwidthResult::predict(&actuators, papers_chain, latency)?;
         let nominals = [&found.nominals[..], &compensated.nominals].concat();
         simulated.measured = Some(MeasuredRecords { bandwidths: of_records, nominals });
 
-        let inverse = InverseDemonstration::of(&actuators, model, &plan, &compensator)?;
+        let inverse = InverseDemonstration::run(&actuators, model, &plan, &compensator)?;
 
         let (figure, steps) = (self.out.join("bode.svg"), self.out.join("demonstrated_steps.svg"));
         make_folder(&self.out)?;
@@ -219,7 +219,9 @@ impl Demo {
             points: &model.points,
             validation: &validated,
             compensator: compensator.stored(),
-            bandwidth: bandwidth.map(|((paper, simulated), measured)| Row::of(paper, simulated, measured)).collect(),
+            bandwidth: bandwidth
+                .map(|((paper, simulated), measured)| Row::from_point(paper, simulated, measured))
+                .collect(),
             contradictions: CONTRADICTIONS,
             inverse: inverse.rows(),
             bode: &figure,
@@ -263,7 +265,7 @@ fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &
         let mut add = |what: &str, color: usize, model: &dyn Fn(f64) -> Complex64, measured: &NominalIdentification| {
             let (name, color) = (format!("u_nom {:.2}, {what}", before.nominal), Color::nth(color));
             let ends = (0.6, DRAWN_UP_TO_RAD_S);
-            curves.push(Curve::of_model(format!("{name}, model"), Mark::Line, color, ends, model).under(&name));
+            curves.push(Curve::from_model(format!("{name}, model"), Mark::Line, color, ends, model).under(&name));
             let points = measured.responses[0].actuator.smoothed();
             let dots = Curve::measured(format!("{name}, measured"), Mark::Dots, color, points, gain);
             curves.push(Curve { bands: Vec::new(), ..dots.under(&name) });

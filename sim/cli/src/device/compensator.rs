@@ -7,7 +7,7 @@ use rotorlead::settings::Key;
 use rotorlead_device::curve_text;
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 use rotorlead_records::Finding;
-use rotorlead_results::of_another_model;
+use rotorlead_results::warn_of_another_model;
 
 /// A compensator to be set, and where.
 #[derive(Args, Debug)]
@@ -41,7 +41,7 @@ impl CompensatorArguments {
         let Some(path) = &self.compensator else { return Ok(Changes::default()) };
         let design = CompensatorDesign::read(path)?;
         let model = self.model.as_deref().map(Model::read).transpose()?;
-        let warning = model.and_then(|model| of_another_model(&design, &model));
+        let warning = model.and_then(|model| warn_of_another_model(&design, &model));
         let mut changes = vec![(Key::LoopRateHz, design.loop_rate_hz().to_string())];
         match &design.kind {
             FilterDesign::Lead(design) => {

@@ -50,7 +50,7 @@ pub struct Limit {
 
 impl Bound {
     /// The bounds that `effects` set around `nominal`.
-    pub fn of(effects: &[ActiveEffect], nominal: f64) -> Vec<Self> {
+    pub fn from_effects(effects: &[ActiveEffect], nominal: f64) -> Vec<Self> {
         let bound = |effect: &ActiveEffect| {
             let kind = effect.kind();
             match kind.id {

@@ -166,7 +166,7 @@ pub enum RedesignError {
 /// # Errors
 /// [`RedesignError`].
 pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Redesign, RedesignError> {
-    let effects = ActiveEffect::of_model(model)?;
+    let effects = ActiveEffect::from_model(model)?;
     let full = match &options.design.within(&effects) {
         KindOptions::Lead(options) => CompensatorDesign::from(design(model, options)?),
         KindOptions::Inverse(options) => design_inverse(model, options)?.compensator.into(),
@@ -249,17 +249,17 @@ fn small_with_limits(
     design: &CompensatorDesign,
     options: &RedesignOptions,
 ) -> Result<Vec<WithLimits>, PlantError> {
-    let effects = ActiveEffect::of_model(model)?;
+    let effects = ActiveEffect::from_model(model)?;
     let small = bandwidths_with(model, &effects, Chain::Designed(design));
     let with_limits = |small: BandwidthPoint| {
-        let linear = LinearChain::of_model(model, small.nominal)?;
+        let linear = LinearChain::from_model(model, small.nominal)?;
         let amplitude = options.amplitude.min(small.nominal).min(1.0 - small.nominal);
         let up_to = rad_s(small.compensated);
         let limits = design.as_lead().map_or_else(Vec::new, |design| {
             let lead = |omega| design.lead().response(omega);
             let against =
                 |bound: Bound| bound.against(amplitude, up_to, lead, |omega| linear.frequency_response(omega));
-            Bound::of(&effects, small.nominal).into_iter().map(against).collect()
+            Bound::from_effects(&effects, small.nominal).into_iter().map(against).collect()
         });
         Ok((small, amplitude, limits))
     };
@@ -274,7 +274,7 @@ fn chain(
     amplitude: f64,
     small: Bandwidth,
 ) -> Result<ChainBandwidth, PlantError> {
-    let gain = LinearChain::of_model(model, point.nominal)?.frequency_response(0.0).re;
+    let gain = LinearChain::from_model(model, point.nominal)?.frequency_response(0.0).re;
     if gain == 0.0 || amplitude == 0.0 {
         // Beyond a clip nothing moves.
         return Ok(ChainBandwidth { magnitude: Bandwidth::At(0.0), phase: Bandwidth::At(0.0) });

@@ -25,7 +25,7 @@ impl Findings {
     pub fn refuse(&mut self, error: &IdentifyError) {
         let file = error.file();
         let (topic, causes) = error.topic_and_causes();
-        let is_cause = |finding: &&mut Finding| causes.iter().any(|topic| finding.is_of(file, *topic));
+        let is_cause = |finding: &&mut Finding| causes.iter().any(|topic| finding.is_about(file, *topic));
         match self.0.iter_mut().filter(|_| file.is_some()).find(is_cause) {
             Some(cause) => cause.severity = Severity::Error,
             None => self.push(Finding::new(Severity::Error, topic, file, error).at_row(error.row())),

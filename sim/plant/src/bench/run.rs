@@ -128,7 +128,7 @@ fn jobs<'a>(
     model: &'a Model,
     compensator: Option<&'a CompensatorDesign>,
 ) -> Result<Vec<Job<'a>>, BenchError> {
-    let output = output_of(model);
+    let output = model_output(model);
     plan.records
         .iter()
         .zip(file_names(&plan.records))
@@ -144,7 +144,7 @@ fn jobs<'a>(
 fn experiment(plan: &Plan, model: &Model, records: Vec<Record>) -> Result<Experiment, BenchError> {
     let mut experiment = Experiment {
         name: plan.name.clone(),
-        output: output_of(model),
+        output: model_output(model),
         sample_rate_hz: Some(f64::from(plan.sample_rate_hz)),
         esc_frame_hz: plan.esc_frame_hz,
         command_rate_hz: (plan.loop_rate_hz != plan.sample_rate_hz).then_some(f64::from(plan.loop_rate_hz)),
@@ -178,7 +178,7 @@ pub fn add_noise(experiment: &mut Experiment, noise: Noise, seed: u64) -> Result
 fn check(plan: &Plan, model: &Model, compensator: Option<&CompensatorDesign>) -> Result<(), BenchError> {
     plan.check()?;
     check_compensator(plan, compensator)?;
-    if output_of(model) == Output::Rpm && !plan.noise.is_silent() {
+    if model_output(model) == Output::Rpm && !plan.noise.is_silent() {
         return Err(BenchError::NoiseUnit);
     }
     Ok(())
@@ -197,7 +197,7 @@ pub(super) fn check_compensator(plan: &Plan, compensator: Option<&CompensatorDes
 }
 
 /// What the model's response is: thrust where it does not say.
-fn output_of(model: &Model) -> Output {
+fn model_output(model: &Model) -> Output {
     model.provenance.as_ref().map_or(Output::ThrustN, |provenance| provenance.output)
 }
 

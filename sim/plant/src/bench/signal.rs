@@ -39,7 +39,7 @@ pub(super) struct Signal {
 impl Signal {
     /// The command of every tick of `record`, whose place in the plan is `place`.
     pub(super) fn new(plan: &Plan, record: &PlannedRecord, place: &Place) -> Result<Self, Fault> {
-        let shape = Shape::of(plan, record, place)?;
+        let shape = Shape::from_record(plan, record, place)?;
         let ticks_per_row = (plan.loop_rate_hz / plan.sample_rate_hz) as usize;
         let level = |value: f64| Command::saturating_from_f64(value);
         let hold = |levels: &[f64], rows: usize| -> Vec<Command> {
@@ -90,7 +90,7 @@ impl Signal {
 
     /// Checks `record` without computing its samples.
     pub(super) fn check(plan: &Plan, record: &PlannedRecord, place: &Place) -> Result<(), Fault> {
-        Shape::of(plan, record, place).map(drop)
+        Shape::from_record(plan, record, place).map(drop)
     }
 }
 
@@ -155,7 +155,7 @@ enum Shape<'a> {
 }
 
 impl<'a> Shape<'a> {
-    fn of(plan: &Plan, record: &'a PlannedRecord, place: &Place) -> Result<Self, Fault> {
+    fn from_record(plan: &Plan, record: &'a PlannedRecord, place: &Place) -> Result<Self, Fault> {
         let keys = Keys { plan, record, place };
         place.key("nominal").accept(record.nominal)?;
         match record.excitation {

@@ -63,7 +63,7 @@ fn bare(excitation: Excitation) -> PlannedRecord {
     PlannedRecord::new(0.5, excitation)
 }
 
-fn plan_of(record: PlannedRecord) -> Plan {
+fn plan_with(record: PlannedRecord) -> Plan {
     Plan { records: vec![record], ..silent(Plan::paper(&table_1())) }
 }
 
@@ -140,7 +140,7 @@ fn a_square_wave_in_steady_state_follows_the_analytic_response_to_1e_7() {
         warm_up_periods: Some(6),
         ..bare(Excitation::Square)
     };
-    let plan = plan_of(record);
+    let plan = plan_with(record);
     let record = quick(&plan, &table_1(), None).records.remove(0);
     assert_eq!((record.period_s, record.time_s.len()), (Some(0.6), 1200));
     let point = &table_1().points[2];
@@ -164,7 +164,7 @@ fn quick_steady(command: f64) -> f64 {
 fn a_staircase_settles_at_the_steady_responses_and_a_step_stays_linear() {
     let levels = vec![0.40, 0.65, 0.50];
     let staircase = PlannedRecord { levels: Some(levels.clone()), hold_s: Some(4.0), ..bare(Excitation::Staircase) };
-    let record = quick(&plan_of(staircase), &table_1(), None).records.remove(0);
+    let record = quick(&plan_with(staircase), &table_1(), None).records.remove(0);
     assert_eq!((record.time_s.len(), record.period_s), (12_000, None));
     assert!((record.amplitude.unwrap() - 0.15).abs() < 1e-15);
     let thrust_n = record.thrust_n.unwrap();
@@ -176,7 +176,7 @@ fn a_staircase_settles_at_the_steady_responses_and_a_step_stays_linear() {
     assert!((part - (1.0 - (-1.412_75_f64).exp())).abs() < 1e-7, "{part}");
 
     let down = PlannedRecord { amplitude: Some(-0.2), hold_s: Some(4.0), ..bare(Excitation::Step) };
-    let record = quick(&plan_of(down), &table_1(), None).records.remove(0);
+    let record = quick(&plan_with(down), &table_1(), None).records.remove(0);
     let thrust_n = record.thrust_n.unwrap();
     assert_eq!(thrust_n[0], quick_steady(0.5));
     assert!((thrust_n[7999] - (quick_steady(0.5) - 0.2 * 10.1718)).abs() < 1e-7);
@@ -185,7 +185,7 @@ fn a_staircase_settles_at_the_steady_responses_and_a_step_stays_linear() {
 #[test]
 fn a_row_has_the_command_that_takes_effect_then_and_the_response_before_it() {
     let step = PlannedRecord { amplitude: Some(0.1), hold_s: Some(0.01), ..bare(Excitation::Step) };
-    let mut plan = plan_of(step);
+    let mut plan = plan_with(step);
     plan.compensator = Some("compensator.toml".into());
     let lead = paper_lead();
     let record = quick(&plan, &table_1(), Some(&lead)).records.remove(0);
@@ -245,7 +245,7 @@ fn every_record_has_noise_of_its_own_with_the_sigma_of_the_plan() {
 
 #[test]
 fn progress_ends_at_the_total() {
-    let plan = plan_of(PlannedRecord {
+    let plan = plan_with(PlannedRecord {
         amplitude: Some(0.05),
         half_period_s: Some(0.5),
         periods: Some(4),
@@ -299,7 +299,7 @@ fn files_are_named_by_level_and_excitation() {
         ..bare(Excitation::Staircase)
     };
     let records = [0.05, 0.4, 0.4, 0.4125, 1.0].map(at).to_vec();
-    let experiment = quick(&Plan { records, ..plan_of(at(0.5)) }, &table_1(), None);
+    let experiment = quick(&Plan { records, ..plan_with(at(0.5)) }, &table_1(), None);
     let names: Vec<&str> = experiment.records.iter().map(|record| &*record.file).collect();
     assert_eq!(
         names,
@@ -335,7 +335,7 @@ fn effects_of_the_model_are_in_the_records_on_the_loggers_own_clock_too() {
     ] {
         let model = with_effect(kind, parameters);
         for record in [&step, &square] {
-            let plan = plan_of(record.clone());
+            let plan = plan_with(record.clone());
             let (seen, plain) = (quick(&plan, &model, None), quick(&plan, &table_1(), None));
             let (seen, plain) = (&seen.records[0], &plain.records[0]);
             assert_eq!((&seen.time_s, &seen.command), (&plain.time_s, &plain.command));
@@ -369,11 +369,11 @@ fn a_supply_whose_voltage_is_known_has_its_columns() {
     let step = PlannedRecord { amplitude: Some(0.1), hold_s: Some(1.0), ..bare(Excitation::Step) };
     let parameters = [("polarization_drop", 0.1), ("polarization_s", 0.5)];
     let known = [&parameters[..], &[("open_circuit_v", 16.0), ("hover_current_a", 8.0)]].concat();
-    let record = quick(&plan_of(step.clone()), &with_effect("supply_sag", &known), None).records.remove(0);
+    let record = quick(&plan_with(step.clone()), &with_effect("supply_sag", &known), None).records.remove(0);
     let (voltage_v, current_a) = (record.voltage_v.unwrap(), record.current_a.unwrap());
     assert_eq!((voltage_v.len(), current_a.len()), (2000, 2000));
     assert!((voltage_v[0] - 14.4).abs() < 1e-9 && voltage_v[1999] < voltage_v[1100] && current_a[1999] > 8.0);
-    let record = quick(&plan_of(step), &with_effect("supply_sag", &parameters), None).records.remove(0);
+    let record = quick(&plan_with(step), &with_effect("supply_sag", &parameters), None).records.remove(0);
     assert_eq!((record.voltage_v, record.current_a), (None, None));
 }
 
@@ -381,7 +381,7 @@ fn a_supply_whose_voltage_is_known_has_its_columns() {
 fn a_filter_in_front_meets_the_effects_tick_by_tick() {
     // The compensator asks for 628 times the step per second; the limit turns that into a ramp.
     let step = PlannedRecord { amplitude: Some(0.02), hold_s: Some(0.5), ..bare(Excitation::Step) };
-    let mut plan = plan_of(step);
+    let mut plan = plan_with(step);
     plan.compensator = Some("compensator.toml".into());
     plan.esc_frame_hz = None;
     let record =
@@ -412,7 +412,7 @@ fn a_triangle_rises_from_its_nominal_command_and_turns_at_its_amplitude() {
         periods: Some(2),
         ..bare(Excitation::Triangle)
     };
-    let record = quick(&plan_of(triangle), &table_1(), None).records.remove(0);
+    let record = quick(&plan_with(triangle), &table_1(), None).records.remove(0);
     assert_eq!((record.file.as_str(), record.period_s, record.amplitude), ("u050_triangle.csv", Some(4.0), Some(0.1)));
     assert_eq!(record.command.len(), 8000);
     for (row, command) in record.command.iter().enumerate() {

@@ -100,7 +100,7 @@ impl InverseFile {
 impl CompensatorFile for InverseFile {
     type Design = InverseCompensator;
 
-    fn of(inverse: &InverseCompensator) -> Self {
+    fn from_design(inverse: &InverseCompensator) -> Self {
         let (design, range) = (inverse.design(), inverse.range());
         let (from, to) = range.compensated;
         let coefficients = design.coefficients();
@@ -217,7 +217,7 @@ mod tests {
     }
 
     fn text() -> String {
-        let StoredInverse { a, b, g } = InverseFile::of(&inverse()).coefficients;
+        let StoredInverse { a, b, g } = InverseFile::from_design(&inverse()).coefficients;
         format!(
             r#"format = 1
 kind = "inverse"
@@ -293,7 +293,7 @@ g = {g:?}
             let place = format!("compensator.toml:{place}]");
             refuses(from, &format!("{from}1"), &[&place, "the parameters give", "run `rotorlead design` again"]);
         }
-        let g = InverseFile::of(&inverse()).coefficients.g;
+        let g = InverseFile::from_design(&inverse()).coefficients.g;
         let last = format!(", {}]\n", g[g.len() - 1]);
         refuses(&last, "]\n", &["34 integers is stored", "run `rotorlead design` again"]);
     }
@@ -301,7 +301,7 @@ g = {g:?}
     #[test]
     fn an_inverse_that_would_not_read_back_is_not_written() {
         let scratch = Scratch::new();
-        let file = InverseFile { damping: f64::NAN, ..InverseFile::of(&inverse()) };
+        let file = InverseFile { damping: f64::NAN, ..InverseFile::from_design(&inverse()) };
         assert_report(file.text(&scratch.path().join("c.toml")).unwrap_err(), &["c.toml", "`damping`", "NaN"]);
         assert!(scratch.names().is_empty());
     }

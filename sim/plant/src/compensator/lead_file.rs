@@ -87,7 +87,7 @@ pub enum SignalFormat {
 impl CompensatorFile for LeadFile {
     type Design = LeadDesign;
 
-    fn of(design: &LeadDesign) -> Self {
+    fn from_design(design: &LeadDesign) -> Self {
         let (lead, coefficients) = (design.lead(), design.coefficients());
         Self {
             format: 1,
@@ -172,7 +172,7 @@ mod tests {
     }
 
     fn text() -> String {
-        let StoredCoefficients { k, c, g0, g1 } = LeadFile::of(&design()).coefficients;
+        let StoredCoefficients { k, c, g0, g1 } = LeadFile::from_design(&design()).coefficients;
         format!(
             r#"format = 1
 zero_rad_s = 14.1275
@@ -218,7 +218,7 @@ g1 = {g1}
     #[test]
     fn keys_are_those_of_the_layout() {
         refuses("damping", "dampin", &["compensator.toml:4:1", "did you mean `damping`"]);
-        let k = format!("k = {}", LeadFile::of(&design()).coefficients.k);
+        let k = format!("k = {}", LeadFile::from_design(&design()).coefficients.k);
         refuses(&format!("{k}\n"), "", &["compensator.toml:8:1", "add `k`"]);
         refuses(&k, "q = 1", &["compensator.toml:9:1", "`q`", "remove `q`"]);
         refuses(&k, "k = 1.5", &["compensator.toml:9:5", "a whole number is needed"]);
@@ -260,7 +260,7 @@ g1 = {g1}
     #[test]
     fn a_compensator_that_would_not_read_back_is_not_written() {
         let scratch = Scratch::new();
-        let file = LeadFile { damping: f64::NAN, ..LeadFile::of(&design()) };
+        let file = LeadFile { damping: f64::NAN, ..LeadFile::from_design(&design()) };
         let error = file.text(&scratch.path().join("c.toml")).unwrap_err();
         assert_report(error, &["c.toml", "`damping`", "NaN", "give a value"]);
         assert!(scratch.names().is_empty());

@@ -124,9 +124,11 @@ impl CompensatorDesign {
     pub fn stored(&self) -> StoredCompensator {
         let provenance = self.provenance.clone();
         match &self.kind {
-            FilterDesign::Lead(design) => StoredCompensator::Lead(LeadFile { provenance, ..LeadFile::of(design) }),
+            FilterDesign::Lead(design) => {
+                StoredCompensator::Lead(LeadFile { provenance, ..LeadFile::from_design(design) })
+            }
             FilterDesign::Inverse(inverse) => {
-                StoredCompensator::Inverse(InverseFile { provenance, ..InverseFile::of(inverse) })
+                StoredCompensator::Inverse(InverseFile { provenance, ..InverseFile::from_design(inverse) })
             }
         }
     }

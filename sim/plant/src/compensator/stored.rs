@@ -14,7 +14,7 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
     type Design;
 
     /// The file of a design.
-    fn of(design: &Self::Design) -> Self;
+    fn from_design(design: &Self::Design) -> Self;
 
     /// Refuses parameters that make no filter at any number format.
     fn check(&self) -> Result<(), Fault>;
@@ -35,7 +35,7 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
                 "run `rotorlead design`, or correct the parameter",
             ))
         })?;
-        same(&stored.integers(), &Self::of(&design).integers()).map_err(|fault| file.show(&fault))?;
+        same(&stored.integers(), &Self::from_design(&design).integers()).map_err(|fault| file.show(&fault))?;
         Ok((design, stored))
     }
 

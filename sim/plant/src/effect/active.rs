@@ -36,9 +36,9 @@ impl ActiveEffect {
     ///
     /// # Errors
     /// [`PlantError::Model`] when the model is impossible.
-    pub fn of_model(model: &Model) -> Result<Vec<Self>, PlantError> {
+    pub fn from_model(model: &Model) -> Result<Vec<Self>, PlantError> {
         model.check().map_err(PlantError::Model)?;
-        Catalog::standard().of_model(model).map_err(PlantError::Model)
+        Catalog::standard().active_effects(model).map_err(PlantError::Model)
     }
 
     /// What it is.
@@ -105,9 +105,9 @@ impl LinearChain {
     ///
     /// # Errors
     /// [`PlantError`] when the model is impossible or has no points around `nominal`.
-    pub fn of_model(model: &Model, nominal: f64) -> Result<Self, PlantError> {
+    pub fn from_model(model: &Model, nominal: f64) -> Result<Self, PlantError> {
         let point = OperatingCurve::around_without_effects(model, nominal)?;
-        Ok(Self { point, effects: ActiveEffect::of_model(model)? })
+        Ok(Self { point, effects: ActiveEffect::from_model(model)? })
     }
 
     /// Response units per unit of command at `omega_rad_s`: the lag ([`Lag::frequency_response`](crate::Lag)) times

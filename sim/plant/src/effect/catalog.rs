@@ -51,7 +51,7 @@ impl Catalog {
     ///
     /// # Errors
     /// A fault as of [`Catalog::resolve`].
-    pub fn of_model(&self, model: &Model) -> Result<Vec<ActiveEffect>, Fault> {
+    pub fn active_effects(&self, model: &Model) -> Result<Vec<ActiveEffect>, Fault> {
         let place = Place::root().key("effect");
         let resolved = model.effects.iter().enumerate().map(|(index, effect)| self.resolve(effect, &place.item(index)));
         let mut effects = resolved.collect::<Result<Vec<_>, _>>()?;

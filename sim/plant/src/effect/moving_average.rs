@@ -110,7 +110,7 @@ impl Mean {
     fn join(&mut self, parts: usize, whole: &Interval) {
         if let Some(before) = self.past.len().checked_sub(parts).filter(|before| *before > 0) {
             self.past.truncate(before);
-            self.past.push_back((Interval { from_s: 0.0, ..*whole }, area_of(whole)));
+            self.past.push_back((Interval { from_s: 0.0, ..*whole }, area(whole)));
         }
     }
 
@@ -135,7 +135,7 @@ impl Mean {
 }
 
 /// The area under an interval: of a cubic its ends and its slopes there tell it.
-fn area_of(interval: &Interval) -> f64 {
+fn area(interval: &Interval) -> f64 {
     let Interval { duration_s, start, end, start_slope, end_slope, .. } = *interval;
     0.5 * duration_s * (start + end + duration_s * (start_slope - end_slope) / 6.0)
 }
@@ -170,7 +170,7 @@ impl ResponseStage for Mean {
     fn advance(&mut self, signal: &mut Interval) {
         let input = Interval { from_s: 0.0, ..*signal };
         (signal.start, signal.start_slope) = self.output(input.start);
-        let area = area_of(&input);
+        let area = area(&input);
         self.past.push_back((input, area));
         self.area += area - self.leave(input.duration_s);
         (signal.end, signal.end_slope) = self.output(input.end);

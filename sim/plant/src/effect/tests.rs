@@ -509,7 +509,7 @@ fn the_order_of_the_chain_is_that_of_the_catalog_and_not_of_the_file() {
     one.effects = ["clock_skew", "slew_limit", "transport_delay", "dead_band", "parameter_error"].map(effect).to_vec();
     let kinds = |effects: Vec<ActiveEffect>| effects.iter().map(|effect| effect.kind().id).collect::<Vec<_>>();
     let expected = ["parameter_error", "dead_band", "slew_limit", "transport_delay", "clock_skew"];
-    assert_eq!(kinds(ActiveEffect::of_model(&one).unwrap()), expected);
+    assert_eq!(kinds(ActiveEffect::from_model(&one).unwrap()), expected);
 
     // A grid behind a clip may pass it; the clip is first, so it does.
     let (clip, grid) = (active(&saturation::KIND, &[0.66]), active(&command_quantization::KIND, &[0.1]));

@@ -65,7 +65,7 @@ pub struct PrintableReports<H>(pub H);
 
 impl<H: ReportHandler> ReportHandler for PrintableReports<H> {
     fn debug(&self, diagnostic: &dyn Diagnostic, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.debug(&PrintableReport::of(diagnostic), formatter)
+        self.0.debug(&PrintableReport::from_report(diagnostic), formatter)
     }
 }
 
@@ -92,16 +92,16 @@ struct Message {
 impl<'a> PrintableReport<'a> {
     /// The same as `report`, but for what it quotes.
     #[must_use]
-    pub fn of(report: &'a dyn Diagnostic) -> Self {
-        let of_error = || report.source().map(|cause| Cause::Error(Message::of(cause)));
-        let of_report = report.diagnostic_source().map(|cause| Cause::Report(Box::new(Self::of(cause))));
+    pub fn from_report(report: &'a dyn Diagnostic) -> Self {
+        let of_error = || report.source().map(|cause| Cause::Error(Message::from_error(cause)));
+        let of_report = report.diagnostic_source().map(|cause| Cause::Report(Box::new(Self::from_report(cause))));
         Self { report, message: printable_line(&report.to_string()).into_owned(), cause: of_report.or_else(of_error) }
     }
 }
 
 impl Message {
-    fn of(error: &dyn Error) -> Self {
-        let cause = error.source().map(|cause| Box::new(Self::of(cause)));
+    fn from_error(error: &dyn Error) -> Self {
+        let cause = error.source().map(|cause| Box::new(Self::from_error(cause)));
         Self { message: printable_line(&error.to_string()).into_owned(), cause }
     }
 }

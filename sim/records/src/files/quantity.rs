@@ -187,7 +187,7 @@ impl Quantity {
 
     /// That of a key, outside of effects, whose parameters are in `docs/confusion.md`.
     #[must_use]
-    pub fn of(key: &str) -> &'static Self {
+    pub fn for_key(key: &str) -> &'static Self {
         Self::named(key).unwrap_or(&Self::NUMBER)
     }
 
@@ -201,7 +201,8 @@ impl Quantity {
     /// # Errors
     /// What is wrong with it.
     pub fn accept_result(key: &str, value: f64) -> Result<(), String> {
-        let Self { least, greatest, .. } = if key.starts_with("time_constant") { *Self::of(key) } else { Self::NUMBER };
+        let Self { least, greatest, .. } =
+            if key.starts_with("time_constant") { *Self::for_key(key) } else { Self::NUMBER };
         let most = greatest.max(-least);
         let fault = || format!("{} is not from -{} to {}", shown(value), shown(most), shown(most));
         (value.abs() <= most).then_some(()).ok_or_else(fault)
@@ -275,7 +276,7 @@ impl Place {
             let mut keys = self.keys_from_last();
             let (key, table) = (keys.next().unwrap_or_default(), keys.next().unwrap_or_default());
             // A key may mean another thing in another table.
-            Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::of(key))
+            Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::for_key(key))
         };
         quantity.accept_given(value).map_err(|(message, help)| self.fault(message, help))
     }

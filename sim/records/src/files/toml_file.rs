@@ -72,7 +72,7 @@ impl TomlFile {
         }
         let text = TextFile::read(path).ok()?;
         let root = DeTable::parse(text.text()).ok()?;
-        FileKind::of(|key| root.get_ref().contains_key(key)).map(|kind| kind.name)
+        FileKind::from_keys(|key| root.get_ref().contains_key(key)).map(|kind| kind.name)
     }
 
     /// Whether a file is called as one of settings, such as a model or the description of an experiment.
@@ -88,7 +88,7 @@ impl TomlFile {
         }
         // A key that no kind has is refused with those that there are.
         let refused = toml::from_str::<T>("\"\" = 0").err()?;
-        let needed = FileKind::of(|key| names(refused.message()).contains(&key))?;
+        let needed = FileKind::from_keys(|key| names(refused.message()).contains(&key))?;
         Some(FileError::Log { path: path.to_owned(), needed: needed.name, remedy: needed.source })
     }
 
@@ -136,9 +136,9 @@ impl TomlFile {
     fn refused(&self, error: &toml::de::Error) -> FileError {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
-        if let Some(kinds) = WrongKind::of(message) {
+        if let Some(kinds) = WrongKind::from_message(message) {
             let root = DeTable::parse(self.text.text()).ok().map(|root| DeValue::Table(root.into_inner()));
-            let place = root.and_then(|root| place_of(&root, &span, Place::root())).unwrap_or_default();
+            let place = root.and_then(|root| find_place(&root, &span, Place::root())).unwrap_or_default();
             let fault = place.fault(format!("{} where {} is needed", kinds.found, kinds.needed), kinds.remedy);
             return self.text.complaint(span, fault.to_string(), "here", fault.help);
         }
@@ -165,8 +165,8 @@ impl TomlFile {
             return None;
         }
         let root = DeTable::parse(self.text.text()).ok()?;
-        let found = FileKind::of(|key| root.get_ref().contains_key(key))?;
-        let needed = FileKind::of(|key| expected.contains(&key))?;
+        let found = FileKind::from_keys(|key| root.get_ref().contains_key(key))?;
+        let needed = FileKind::from_keys(|key| expected.contains(&key))?;
         (found.name != needed.name).then_some((found, needed))
     }
 
@@ -223,15 +223,15 @@ impl FileKind {
         Self { keys: &["record"], name: "a plan", source: "`rotorlead new` writes a plan to begin with" },
     ];
 
-    fn of(has: impl Fn(&str) -> bool) -> Option<&'static Self> {
+    fn from_keys(has: impl Fn(&str) -> bool) -> Option<&'static Self> {
         Self::ALL.iter().find(|kind| kind.keys.iter().any(|key| has(key)))
     }
 }
 
 /// The way to the value that stands at `span`.
-fn place_of(value: &DeValue<'_>, span: &Range<usize>, place: Place) -> Option<Place> {
+fn find_place(value: &DeValue<'_>, span: &Range<usize>, place: Place) -> Option<Place> {
     let within = |found: Range<usize>, value: &DeValue<'_>, place: Place| {
-        if found == *span { Some(place) } else { place_of(value, span, place) }
+        if found == *span { Some(place) } else { find_place(value, span, place) }
     };
     match value {
         DeValue::Table(table) => {
@@ -256,7 +256,7 @@ struct WrongKind {
 
 impl WrongKind {
     /// From what the TOML reader says: `invalid type: string "0.4", expected f64`. `None` for anything else.
-    fn of(message: &str) -> Option<Self> {
+    fn from_message(message: &str) -> Option<Self> {
         let (is_type, rest) = match message.strip_prefix("invalid type: ") {
             Some(rest) => (true, rest),
             None => (false, message.strip_prefix("invalid value: ")?),

@@ -61,7 +61,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
 /// The longest chirp, or the one that was asked for.
 fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
     let [time_us, pulse_us, frequency_hz, rpm] =
-        ["TimeUS", "PWM", "Freq", "RPM"].map(|label| column_of(file, rows, label));
+        ["TimeUS", "PWM", "Freq", "RPM"].map(|label| read_column(file, rows, label));
     let (time_us, pulse_us, frequency_hz, rpm) = (time_us?, pulse_us?, frequency_hz?, rpm?);
     let begins = |row: &usize| {
         time_us[*row] - time_us[row - 1] > 1e6 * CHIRP_PAUSE_S
@@ -140,7 +140,7 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     let mut notes = Vec::new();
     let outputs = log.messages(OUTPUTS).ok_or_else(|| missing("command", "`RCOU`"))?;
     let reports = log.messages(REPORTS).ok_or_else(|| missing("rpm", "`ESC`, which needs ESCs with telemetry"))?;
-    let time_us = column_of(file, outputs, "TimeUS")?;
+    let time_us = read_column(file, outputs, "TimeUS")?;
     let motors = motors(log);
     let output = match motors.outputs.iter().find(|(motor, _)| *motor == number) {
         Some((_, output)) => *output,
@@ -155,15 +155,15 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
             ));
         }
     };
-    let channel = |output: usize| column_of(file, outputs, &format!("C{output}"));
+    let channel = |output: usize| read_column(file, outputs, &format!("C{output}"));
     let pulses = channel(output)?;
     let off = |pulse: &f64| if *pulse == 0.0 { f64::NAN } else { *pulse };
     let command: Vec<(f64, f64)> = time_us.iter().copied().zip(pulses.iter().map(off)).collect();
 
-    let (report_us, instance) = (column_of(file, reports, "TimeUS")?, column_of(file, reports, "Instance")?);
+    let (report_us, instance) = (read_column(file, reports, "TimeUS")?, read_column(file, reports, "Instance")?);
     // Without the autopilot's slew, which draws a line on from the last two reports.
     let speed_label = if reports.place("RawRPM").is_some() { "RawRPM" } else { "RPM" };
-    let speeds = column_of(file, reports, speed_label)?;
+    let speeds = read_column(file, reports, speed_label)?;
     let of_esc: Vec<usize> = (0..instance.len()).filter(|&row| instance[row] == (output - 1) as f64).collect();
     if of_esc.is_empty() {
         let mut reporting: Vec<usize> = instance.iter().map(|instance| *instance as usize + 1).collect();
@@ -199,7 +199,7 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
         column(format!("ESC.{speed_label}[{esc}]"), Some("rpm"), "magnitude, as the ESC reports it"),
     ];
     let mut optional = |label: &str, taken_as: &str| {
-        let values = reports.place(label).and_then(|_| column_of(file, reports, label).ok())?;
+        let values = reports.place(label).and_then(|_| read_column(file, reports, label).ok())?;
         let values: Vec<f64> = rows.iter().map(|&row| values[of_esc[row]]).collect();
         let is_there = values.iter().all(|value| value.is_finite()) && values.iter().any(|&value| value != 0.0);
         let (taken_as, note) =
@@ -338,7 +338,7 @@ fn age_of_reports(file: &Path, log: &Log<'_>, time_s: &[f64], rpm: &[f64]) -> Re
                 .into(),
         ));
     };
-    let (time_us, instance) = (column_of(file, reports, "TimeUS")?, column_of(file, reports, "Instance")?);
+    let (time_us, instance) = (read_column(file, reports, "TimeUS")?, read_column(file, reports, "Instance")?);
     let mut last = HashMap::new();
     let intervals_ms = time_us.iter().zip(&instance).filter_map(|(time_us, instance)| {
         let before = last.insert(*instance as u32, *time_us)?;
@@ -360,7 +360,7 @@ fn check_count(file: &Path, rows: usize) -> Result<(), ImportError> {
 }
 
 /// A field of all messages.
-fn column_of(file: &Path, messages: &Messages<'_>, label: &str) -> Result<Vec<f64>, ImportError> {
+fn read_column(file: &Path, messages: &Messages<'_>, label: &str) -> Result<Vec<f64>, ImportError> {
     let fault = |problem: &str| ImportError::Vector {
         file: file.into(),
         name: format!("{}.{label}", messages.name),

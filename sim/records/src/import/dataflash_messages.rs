@@ -106,7 +106,7 @@ impl<'a> Messages<'a> {
     }
 
     /// What `FMT` says, behind its head.
-    fn of(format: &'a [u8]) -> Option<(u8, Self)> {
+    fn from_format(format: &'a [u8]) -> Option<(u8, Self)> {
         let ([kind, length], text) = format.split_first_chunk::<2>()?;
         let (name, text) = text.split_at_checked(4)?;
         let (kinds, labels) = text.split_at_checked(16)?;
@@ -167,7 +167,7 @@ impl<'a> Log<'a> {
         let length = self.length(rest, places)?;
         let body = rest.get(HEAD_LENGTH..length)?;
         if rest[2] == FMT {
-            let (kind, messages) = Messages::of(body)?;
+            let (kind, messages) = Messages::from_format(body)?;
             let place = &mut places[usize::from(kind)];
             if place.is_none_or(|known| !self.messages[known].is_like(&messages)) {
                 *place = Some(self.messages.len());

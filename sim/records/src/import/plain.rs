@@ -41,7 +41,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
     let is_stand = rcbenchmark::is_header(&plain.table.header);
     let mut notes = take(&mut plain.notes);
     let mut list = ColumnList::new(&plain.table);
-    let picks = Picks::of(&plain, options, &mut list)?;
+    let picks = Picks::choose(&plain, options, &mut list)?;
     let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
     notes.extend(plain.table.settle_commas(&places)?.map(String::from));
     let table = &plain.table;

@@ -57,7 +57,7 @@ pub(super) struct Picks {
 impl Picks {
     /// What is stated, and the rest from the names; `list` learns why columns are left. Steady points need no time, and a log whose
     /// command is elsewhere none of that.
-    pub(super) fn of(
+    pub(super) fn choose(
         plain: &PlainTable<'_>,
         options: &ImportOptions,
         list: &mut ColumnList,
@@ -110,7 +110,7 @@ impl Picks {
             if self.all().any(|pick| pick.column == column) {
                 continue;
             }
-            let Some(said) = Said::of(plain, column) else { continue };
+            let Some(said) = Said::from_column(plain, column) else { continue };
             let name = said.quantity.name();
             let is_taken = self.all().any(|pick| pick.unit.quantity == said.quantity);
             match said.unit {
@@ -188,12 +188,12 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
         (index, Some(choice))
     } else {
         let is_chosen = |index: &usize| choices.iter().any(|choice| choice.header == header[*index]);
-        let says = |index: &usize| Said::of(plain, *index).is_some_and(|said| said.quantity == quantity);
+        let says = |index: &usize| Said::from_column(plain, *index).is_some_and(|said| said.quantity == quantity);
         let named: Vec<usize> = (0..header.len()).filter(|index| says(index) && !is_chosen(index)).collect();
         match named[..] {
             [] => return Ok(Found::Nothing),
             [index] => (index, None),
-            [one, other, ..] => match one_of(plain, &named) {
+            [one, other, ..] => match choose_one(plain, &named) {
                 Some(index) => (index, None),
                 None => {
                     let asks = format!("`{}` and `{}` are both called {}", header[one], header[other], quantity.name());
@@ -216,7 +216,9 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
         }
         None => {
             let in_what = match written {
-                Some(written) if Said::of(plain, index).is_some() => format!("in `{written}`, which is not known here"),
+                Some(written) if Said::from_column(plain, index).is_some() => {
+                    format!("in `{written}`, which is not known here")
+                }
                 _ => String::from("without a unit"),
             };
             let asks = format!("`{}` is the {} {in_what}", header[index], quantity.name());
@@ -227,7 +229,7 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
 
 /// Which of several columns of one quantity is taken: the only one that moves, or of an electrical and an optical speed the
 /// electrical one. Where none moves, one that has numbers; `None` where it is not clear.
-fn one_of(plain: &PlainTable<'_>, named: &[usize]) -> Option<usize> {
+fn choose_one(plain: &PlainTable<'_>, named: &[usize]) -> Option<usize> {
     let moving: Vec<usize> = named.iter().copied().filter(|column| moves(plain, *column)).collect();
     match moving[..] {
         [one] => Some(one),
@@ -244,7 +246,8 @@ pub(super) fn is_electrical(name: &str) -> bool {
 /// Another column of a speed, in a unit that is known, that moves.
 pub(super) fn other_speed(plain: &PlainTable<'_>, pick: Pick) -> Option<Pick> {
     let of = |column| {
-        let said = Said::of(plain, column).filter(|said| said.quantity == Quantity::Speed && column != pick.column)?;
+        let said = Said::from_column(plain, column)
+            .filter(|said| said.quantity == Quantity::Speed && column != pick.column)?;
         let unit = said.unit.filter(|_| moves(plain, column))?;
         Some(Pick { column, unit, is_reversed: false, is_stated: false, guessed_because: None })
     };
@@ -362,7 +365,7 @@ struct Said {
 }
 
 impl Said {
-    fn of(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
+    fn from_column(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
         let (base, in_name) = split(&plain.table.header[index]);
         let named = Quantity::ALL.into_iter().find(|quantity| quantity.spellings().contains(&base.as_str()));
         // A unit may be a name of its own.
@@ -440,7 +443,9 @@ mod tests {
     fn said(header: &str) -> Vec<Option<(&'static str, Option<&'static str>)>> {
         let text = text(header);
         let plain = plain(&text);
-        let of = |index| Said::of(&plain, index).map(|said| (said.quantity.name(), said.unit.map(|unit| unit.name)));
+        let of = |index| {
+            Said::from_column(&plain, index).map(|said| (said.quantity.name(), said.unit.map(|unit| unit.name)))
+        };
         (0..plain.table.header.len()).map(of).collect()
     }
 
@@ -490,7 +495,7 @@ mod tests {
         let choices: Vec<ColumnChoice> = choices.iter().map(|choice| choice.parse().unwrap()).collect();
         let mut list = ColumnList::new(&plain.table);
         let options = ImportOptions { columns: choices, ..ImportOptions::default() };
-        let picks = Picks::of(&plain, &options, &mut list)?;
+        let picks = Picks::choose(&plain, &options, &mut list)?;
         let show = |pick: Pick| {
             let sign = if pick.is_reversed { "-" } else { "" };
             format!("{} {}: {sign}{}", pick.unit.quantity.name(), plain.table.header[pick.column], pick.unit.name)

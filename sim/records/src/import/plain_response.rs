@@ -36,7 +36,7 @@ impl Columns<'_> {
             (Some(output), ..) => (output, String::from("as stated")),
             (None, _, None) => (Output::ThrustN, String::new()),
             (None, None, _) => (Output::Rpm, String::new()),
-            (None, Some((_, thrust)), Some((_, speed))) => of_both(thrust, speed, is_filtered),
+            (None, Some((_, thrust)), Some((_, speed))) => choose_output(thrust, speed, is_filtered),
         };
         let (name, other, response) = match output {
             Output::ThrustN => ("thrust", "rpm", self.thrust),
@@ -78,7 +78,7 @@ impl Columns<'_> {
 }
 
 /// Which of both is the response where nobody has said it, and why.
-fn of_both(thrust: &[f64], speed: &[f64], is_filtered: bool) -> (Output, String) {
+fn choose_output(thrust: &[f64], speed: &[f64], is_filtered: bool) -> (Output, String) {
     let rows = thrust.len();
     let filled = |values: &[f64]| values.iter().filter(|value| !value.is_nan()).count();
     let is_idle = speed.iter().all(|value| *value == 0.0 || value.is_nan());

@@ -93,7 +93,7 @@ const BLANKS: [&str; 16] = [
 ];
 
 impl Cell {
-    fn of(text: &[u8], comma: Comma) -> Self {
+    fn parse(text: &[u8], comma: Comma) -> Self {
         if let Ok(value) = fast_float2::parse::<f64, _>(text)
             && value.is_finite()
         {
@@ -106,7 +106,7 @@ impl Cell {
         let text = match comma {
             Comma::Wrong => return Self::Text,
             Comma::Decimal => text.replacen(',', ".", 1),
-            Comma::Thousands if Grouping::of(&text).is_some_and(|found| found != Grouping::Not) => {
+            Comma::Thousands if Grouping::parse(&text).is_some_and(|found| found != Grouping::Not) => {
                 text.replace(',', "")
             }
             Comma::Thousands => return Self::Text,
@@ -128,7 +128,7 @@ enum Grouping {
 
 impl Grouping {
     /// `None` of what has no comma, or is no number whatever its commas are.
-    fn of(text: &str) -> Option<Self> {
+    fn parse(text: &str) -> Option<Self> {
         let number = text.trim_start_matches(['-', '+']);
         let (whole, fraction) = number.split_once('.').map_or((number, None), |(whole, rest)| (whole, Some(rest)));
         let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
@@ -212,7 +212,7 @@ impl<'a> Table<'a> {
         self.each(|row| {
             for (values, &(column, reading)) in numbers.iter_mut().zip(columns) {
                 let cell = match reading {
-                    Reading::Decimal => Cell::of(row.bytes(column), self.comma),
+                    Reading::Decimal => Cell::parse(row.bytes(column), self.comma),
                     Reading::Clock => match seconds_since_midnight(row.text(column)) {
                         Some(seconds) => Cell::Number(seconds),
                         None if row.text(column).is_empty() => Cell::Blank,
@@ -257,7 +257,7 @@ impl<'a> Table<'a> {
         let seen: Result<(), ImportError> = self.each(|row| {
             for &column in columns {
                 let text = row.text(column);
-                match Grouping::of(text) {
+                match Grouping::parse(text) {
                     Some(Grouping::Sure) => thousands = true,
                     Some(Grouping::Not) => decimal = true,
                     Some(Grouping::Possible) => {
@@ -346,19 +346,19 @@ mod tests {
             ("1.234,5", None),
             ("a,b", None),
         ] {
-            assert_eq!(Grouping::of(text), expected, "{text}");
+            assert_eq!(Grouping::parse(text), expected, "{text}");
         }
-        assert_eq!(Cell::of(b"1,234,567", Comma::Thousands), Cell::Number(1_234_567.0));
-        assert_eq!(Cell::of(b"1,5", Comma::Decimal), Cell::Number(1.5));
-        assert_eq!(Cell::of(b"1,5", Comma::Thousands), Cell::Text);
-        assert_eq!(Cell::of(b"1,5", Comma::Wrong), Cell::Text);
+        assert_eq!(Cell::parse(b"1,234,567", Comma::Thousands), Cell::Number(1_234_567.0));
+        assert_eq!(Cell::parse(b"1,5", Comma::Decimal), Cell::Number(1.5));
+        assert_eq!(Cell::parse(b"1,5", Comma::Thousands), Cell::Text);
+        assert_eq!(Cell::parse(b"1,5", Comma::Wrong), Cell::Text);
     }
 
     #[test]
     fn words_for_no_number_are_blanks() {
         for text in ["", "NaN", "-nan", "inf", "-Infinity", "N/A", "#N/A", "null", "-1.#IND", "1e999"] {
             let expected = if text == "1e999" { Cell::Text } else { Cell::Blank };
-            assert_eq!(Cell::of(text.as_bytes(), Comma::Wrong), expected, "{text}");
+            assert_eq!(Cell::parse(text.as_bytes(), Comma::Wrong), expected, "{text}");
         }
     }
 }

@@ -38,7 +38,7 @@ impl Taken {
         if rest.len() < least {
             return if options.tare { refuse(format!("there are {}", rest.len())) } else { Ok(()) };
         }
-        let rest = Rest::of(rest.iter().map(|row| thrust_n[*row]));
+        let rest = Rest::from_thrust(rest.iter().map(|row| thrust_n[*row]));
         let most_n = thrust_n.iter().fold(0.0, |most: f64, thrust| most.max((thrust - rest.mean_n).abs()));
         if options.tare {
             self.thrust_n.iter_mut().flatten().for_each(|thrust| *thrust -= rest.mean_n);
@@ -73,7 +73,7 @@ impl Taken {
 }
 
 impl Rest {
-    fn of(thrust_n: impl Iterator<Item = f64>) -> Self {
+    fn from_thrust(thrust_n: impl Iterator<Item = f64>) -> Self {
         let values: Vec<f64> = thrust_n.collect();
         let rows = values.len();
         let mean_n = values.iter().sum::<f64>() / rows as f64;

@@ -85,7 +85,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
 
     let status = log.topic(STATUS).ok_or_else(|| missing("rpm", "`esc_status.esc[].esc_rpm`"))?;
     let report = |esc: usize, name: &str| log.place(STATUS, "esc", esc, Some(name));
-    let esc = esc_of(status, motor, report, &mut notes);
+    let esc = find_esc(status, motor, report, &mut notes);
     let speed_place = report(esc, "esc_rpm").ok_or_else(|| missing("rpm", "`esc_status.esc[].esc_rpm`"))?;
     let own_stamp = report(esc, "timestamp").ok_or_else(|| missing("time_s", "`esc_status.esc[].timestamp`"))?;
     let speed_name = format!("{STATUS}.esc[{esc}].esc_rpm");
@@ -211,7 +211,7 @@ fn signal(thrust: f64, factor: f64) -> f64 {
 }
 
 /// Which ESC drives `motor` (from 0): the one that says so, or that of the same place.
-fn esc_of<'a>(
+fn find_esc<'a>(
     status: &Topic<'_>,
     motor: usize,
     report: impl Fn(usize, &str) -> Option<Place<'a>>,

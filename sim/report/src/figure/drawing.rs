@@ -57,17 +57,17 @@ impl<B: DrawingBackend<ErrorType = std::io::Error>> Canvas for B {}
 /// Width and height of the drawing in units of a [`PX`]th of a pixel.
 pub(super) fn size(figure: &Figure) -> (u32, u32) {
     let panels = PX * figure.panels.iter().map(|panel| panel.height).sum::<u32>();
-    (WIDTH, TITLE + Legend::of(figure, WIDTH).height() + panels)
+    (WIDTH, TITLE + Legend::from_figure(figure, WIDTH).height() + panels)
 }
 
 /// Draws the figure on a canvas of its size.
 pub(super) fn draw(figure: &Figure, canvas: impl Canvas) -> Result<(), FigureError> {
-    let extents = Extent::of_all(figure)?;
+    let extents = Extent::from_panels(figure)?;
     draw_on(figure, &canvas.into_drawing_area(), &extents).map_err(|error| FigureError::drawing(figure, error))
 }
 
 fn draw_on<B: Canvas>(figure: &Figure, root: &Area<B>, extents: &[Extent]) -> Drawing<()> {
-    let legend = Legend::of(figure, WIDTH);
+    let legend = Legend::from_figure(figure, WIDTH);
     root.fill(&WHITE)?;
     let style = ("sans-serif", TITLE_FONT).into_text_style(root).pos(Pos::new(HPos::Center, VPos::Center));
     root.draw(&Text::new(figure.title.clone(), (WIDTH as i32 / 2, TITLE as i32 / 2), style))?;

@@ -18,14 +18,14 @@ pub(super) struct Extent {
 
 impl Extent {
     /// Those of all panels.
-    pub(super) fn of_all(figure: &Figure) -> Result<Vec<Self>, FigureError> {
+    pub(super) fn from_panels(figure: &Figure) -> Result<Vec<Self>, FigureError> {
         let empty = |index| FigureError::Empty { name: figure.name.clone(), panel: index + 1 };
         let panels = figure.panels.iter().enumerate();
-        panels.map(|(index, panel)| Self::of(panel).ok_or_else(|| empty(index))).collect()
+        panels.map(|(index, panel)| Self::from_panel(panel).ok_or_else(|| empty(index))).collect()
     }
 
     /// What the numbers span, with some room; `None` where there is no number.
-    fn of(panel: &Panel) -> Option<Self> {
+    fn from_panel(panel: &Panel) -> Option<Self> {
         let drawn = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_drawn(panel, point));
         let cells = || panel.map.iter().flat_map(|map| &map.cells);
         let across = drawn().map(|point| point.0).chain(cells().flat_map(|cell| [cell.x.0, cell.x.1]));

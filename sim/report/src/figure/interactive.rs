@@ -21,7 +21,7 @@ const BAND: f64 = 0.22;
 /// # Errors
 /// When there is nothing to draw.
 pub(crate) fn plots(figure: &Figure) -> Result<Vec<Value>, FigureError> {
-    let extents = Extent::of_all(figure)?;
+    let extents = Extent::from_panels(figure)?;
     Ok(figure.panels.iter().zip(&extents).map(|(panel, extent)| plot(panel, extent)).collect())
 }
 

@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 use self::tables::bandwidth_values;
 use self::verdict::faster_as_measured;
-use super::caveats::{doubts_in_short, judged, lost_gain, of_another_model};
+use super::caveats::{doubts_in_short, judged, lost_gain, warn_of_another_model};
 use super::design::tables::in_short;
 use super::figures::compensation::{bandwidths, color, measured, simulated, simulation_and_experiment};
 use super::latency::latency_json;
@@ -64,7 +64,7 @@ impl MeasuredRecords {
     ///
     /// # Errors
     /// Those of [`PeriodicIdentification::bandwidths`].
-    pub fn of(found: &PeriodicIdentification) -> Result<Self, IdentifyError> {
+    pub fn measure(found: &PeriodicIdentification) -> Result<Self, IdentifyError> {
         Ok(Self { bandwidths: found.bandwidths(RESAMPLES, SEED)?, nominals: found.nominals.clone() })
     }
 }
@@ -74,11 +74,11 @@ impl BandwidthResult {
     ///
     /// # Errors
     /// [`PlantError`] when the model is impossible.
-    pub fn of(model: &Model, chain: Chain, latency: Latency) -> Result<Self, PlantError> {
-        let effects = ActiveEffect::of_model(model)?;
+    pub fn predict(model: &Model, chain: Chain, latency: Latency) -> Result<Self, PlantError> {
+        let effects = ActiveEffect::from_model(model)?;
         let points = bandwidths_with(model, &effects, chain);
         let phases = chain_phases(model, &effects, chain, &latency, &points);
-        let other = chain.design().and_then(|design| of_another_model(design, model));
+        let other = chain.design().and_then(|design| warn_of_another_model(design, model));
         let findings = other.into_iter().chain(lost_gain(&points, &phases)).collect();
         Ok(Self { effects, latency, points, phases, steps: None, robustness: None, measured: None, findings })
     }

@@ -36,7 +36,7 @@ impl Designed {
     ///
     /// # Errors
     /// [`CompensatorError`] where no compensator can be made of it.
-    pub fn of(model: &Model, options: &KindOptions) -> Result<Self, CompensatorError> {
+    pub fn design(model: &Model, options: &KindOptions) -> Result<Self, CompensatorError> {
         match options {
             KindOptions::Lead(options) => design(model, options).map(Self::Lead),
             KindOptions::Inverse(options) => design_inverse(model, options).map(Self::Inverse),
@@ -74,7 +74,7 @@ impl DesignRequest {
     /// # Errors
     /// Where none is recommended, or the kind cannot be designed.
     pub fn design(&self, model: &Model, purpose: Purpose, latency: Latency) -> Result<DesignResult, RequestError> {
-        DesignResult::of(model, self.chosen(model, purpose, None)?, latency)
+        DesignResult::design(model, self.chosen(model, purpose, None)?, latency)
     }
 }
 
@@ -83,11 +83,11 @@ impl DesignResult {
     ///
     /// # Errors
     /// When it cannot be designed, or the model is impossible.
-    pub fn of(model: &Model, chosen: Chosen, latency: Latency) -> Result<Self, RequestError> {
+    pub fn design(model: &Model, chosen: Chosen, latency: Latency) -> Result<Self, RequestError> {
         let Chosen { options, recommendation, findings } = chosen;
-        let designed = Designed::of(model, &options)?;
+        let designed = Designed::design(model, &options)?;
         let compensator = designed.compensator(model);
-        let bandwidth = BandwidthResult::of(model, Chain::Designed(&compensator), latency)?;
+        let bandwidth = BandwidthResult::predict(model, Chain::Designed(&compensator), latency)?;
         let findings = [bandwidth.findings.clone(), findings, findings::doubts(model, &designed)].concat();
         Ok(Self { designed, compensator, bandwidth, recommendation, findings })
     }

@@ -54,7 +54,7 @@ impl Curve {
 
     /// A model at `count` frequencies, evenly by their logarithm.
     #[must_use]
-    pub fn of_model(
+    pub fn from_model(
         name: impl Into<String>,
         mark: Mark,
         color: Color,
@@ -165,7 +165,7 @@ mod tests {
     fn phases_go_on_where_the_angle_turns_over() {
         // Five lags: the phase falls to -450 degrees.
         let lag = |omega: f64| (1.0 / Complex64::new(1.0, omega)).powi(5);
-        let curve = Curve::of_model("five", Mark::Line, Color::Blue, (0.01, 1000.0), lag);
+        let curve = Curve::from_model("five", Mark::Line, Color::Blue, (0.01, 1000.0), lag);
         let phase = curve.phase();
         let (_, last) = phase.points[phase.points.len() - 1];
         assert!((-450.0..-445.0).contains(&last), "{last}");

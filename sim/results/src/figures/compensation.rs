@@ -43,9 +43,9 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
     let caption = match &design.kind {
         FilterDesign::Lead(design) => {
             let lead = design.lead();
-            curves.push(Curve::of_model("C(s)", Mark::Line, Color::Vermilion, ends, |omega| lead.response(omega)));
+            curves.push(Curve::from_model("C(s)", Mark::Line, Color::Vermilion, ends, |omega| lead.response(omega)));
             // Lines of one color would hide each other where they agree.
-            curves.push(Curve::of_model(rate, Mark::Dashes, Color::Purple, ends, |omega| design.response(omega)));
+            curves.push(Curve::from_model(rate, Mark::Dashes, Color::Purple, ends, |omega| design.response(omega)));
             format!(
                 "It amplifies from its zero at {:.2} rad/s up to {:.0} rad/s, so that the command moves more than the flight controller \
                  asks for: a step is answered by at most {:.2} times that step.",
@@ -60,8 +60,8 @@ pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
                 let (name, color) = (at_nominal(point.nominal), Color::nth(index));
                 let continuous = |omega: f64| lead.response(omega);
                 let sampled = |omega: f64| design.response(point.nominal, omega);
-                curves.push(Curve::of_model(name.clone(), Mark::Line, color, ends, continuous).under(&name));
-                let sampled = Curve::of_model(format!("{name}, {rate}"), Mark::Dashes, color, ends, sampled);
+                curves.push(Curve::from_model(name.clone(), Mark::Line, color, ends, continuous).under(&name));
+                let sampled = Curve::from_model(format!("{name}, {rate}"), Mark::Dashes, color, ends, sampled);
                 curves.push(sampled.under(&name));
             }
             format!(
@@ -86,8 +86,8 @@ pub fn simulated(model: &Model, chain: Chain) -> Figure {
         let lead = chain.lead_at(point.nominal);
         let with = |omega: f64| lag(omega) * lead.map_or(Complex64::ONE, |lead| lead.response(omega));
         [
-            Curve::of_model(format!("{group}, without"), Mark::Dashes, color, ends, lag).under(&group),
-            Curve::of_model(format!("{group}, with"), Mark::Line, color, ends, with).under(&group),
+            Curve::from_model(format!("{group}, without"), Mark::Dashes, color, ends, lag).under(&group),
+            Curve::from_model(format!("{group}, with"), Mark::Line, color, ends, with).under(&group),
         ]
     });
     let mut panels = bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels());
@@ -150,7 +150,7 @@ pub fn simulation_and_experiment(found: &[NominalIdentification], design: &Compe
         curves.push(
             Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, measured_gain).under(&group),
         );
-        curves.push(Curve::of_model(format!("{group}, simulated"), Mark::Line, color, ends, simulated).under(&group));
+        curves.push(Curve::from_model(format!("{group}, simulated"), Mark::Line, color, ends, simulated).under(&group));
     }
     (!curves.is_empty()).then(|| {
         Figure::new(

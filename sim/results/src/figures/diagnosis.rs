@@ -78,7 +78,7 @@ fn is_improved(found: &Diagnosis) -> bool {
 }
 
 /// The series of the first model and of the improved one, where there is one.
-fn of_models(found: &Diagnosis, mark: Mark, before: Vec<(f64, f64)>, after: Vec<(f64, f64)>) -> Vec<Series> {
+fn model_series(found: &Diagnosis, mark: Mark, before: Vec<(f64, f64)>, after: Vec<(f64, f64)>) -> Vec<Series> {
     if !is_improved(found) {
         return vec![Series::new("model", Color::Vermilion, mark, before)];
     }
@@ -152,7 +152,7 @@ fn gaps(found: &Diagnosis) -> Option<Figure> {
         records.iter().enumerate().map(at).collect()
     };
     let mut series = vec![Series::new("noise alone", Color::Gray, Mark::Ticks, points(|gap| gap.noise_floor))];
-    series.extend(of_models(found, Mark::Discs, points(|gap| gap.before), points(|gap| gap.after)));
+    series.extend(model_series(found, Mark::Discs, points(|gap| gap.before), points(|gap| gap.after)));
     let axis = Axis::log("gap, RMS of the residual over the response", "percent").within(0.7 * low, 1.4 * high);
     let names = Axis::names("", records.iter().map(|record| record.file.clone()).collect());
     let panel = Panel { height: (records.len() as u32 * LINE + AROUND).max(160), ..Panel::new(axis, names, series) };
@@ -175,7 +175,7 @@ fn residual(found: &Diagnosis) -> Option<Figure> {
         Series::new("noise, two standard deviations", Color::Gray, Mark::Dashes, ends.map(|time| (time, 0.0)).to_vec())
             .with_band(vec![(-2.0 * left.noise_std, 2.0 * left.noise_std); 2]);
     let mut series = vec![noise];
-    series.extend(of_models(found, Mark::Line, points(&left.before), points(&left.after)));
+    series.extend(model_series(found, Mark::Line, points(&left.before), points(&left.after)));
     let axis = Axis::linear("measured less simulated", unit(found.conditions.output));
     let panel = Panel { height: 360, ..Panel::new(Axis::linear("time in the record", "s"), axis, series) };
     let caption = format!(

@@ -20,7 +20,7 @@ pub fn responses(found: &PeriodicIdentification, output: Output) -> Option<Figur
         let (group, color) = (at_nominal(nominal.nominal), Color::nth(index));
         let measured = Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, 1.0);
         let lag = |omega: f64| nominal.fit.response(omega);
-        let model = Curve::of_model(format!("{group}, lag"), Mark::Line, color, ends, lag);
+        let model = Curve::from_model(format!("{group}, lag"), Mark::Line, color, ends, lag);
         Some([measured.under(&group), model.under(&group)])
     };
     let curves: Vec<Curve> = found.nominals.iter().enumerate().filter_map(of_nominal).flatten().collect();

@@ -70,7 +70,7 @@ pub fn excitation(of: &str, period: &[f64], rate_hz: f64) -> Option<Figure> {
 
 /// One period of a multisine record; `None` for others, and where there is no whole period.
 #[must_use]
-pub fn excitation_of(record: &Record) -> Option<Figure> {
+pub fn excitation_figure(record: &Record) -> Option<Figure> {
     let period_s = record.period_s.filter(|_| record.excitation == Excitation::Multisine)?;
     let (first, last) = (*record.time_s.first()?, *record.time_s.last()?);
     let rate_hz = (record.time_s.len() - 1) as f64 / (last - first);

@@ -24,7 +24,7 @@ fn response(stand: &StandIdentification) -> Figure {
     let span = (ends(<[_]>::first), ends(<[_]>::last));
     let curves = [
         Curve::estimated("measured, 95 % band", Mark::Dots, Color::Blue, &stand.response),
-        Curve::of_model("transfer function", Mark::Line, Color::Vermilion, span, |omega| model.response(omega)),
+        Curve::from_model("transfer function", Mark::Line, Color::Vermilion, span, |omega| model.response(omega)),
     ];
     let gain_db = 20.0 * stand.fit.gain.value.abs().log10();
     let mut panels =

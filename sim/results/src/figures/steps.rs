@@ -28,7 +28,7 @@ pub fn steps(fit: &StaircaseFit, record: &Record) -> Option<Figure> {
         let all: Vec<&Step> = fit.steps.iter().filter(is_drawn).collect();
         let every = all.len().div_ceil(MOST_DRAWN).max(1);
         let series: Vec<Series> =
-            all.into_iter().step_by(every).flat_map(|step| of_step(step, record, response, until_s)).collect();
+            all.into_iter().step_by(every).flat_map(|step| step_series(step, record, response, until_s)).collect();
         (!series.is_empty()).then(|| Panel {
             title: title.to_owned(),
             ..Panel::new(
@@ -51,7 +51,7 @@ pub fn steps(fit: &StaircaseFit, record: &Record) -> Option<Figure> {
 }
 
 /// The rows of a step, and its fit where it is used.
-fn of_step(step: &Step, record: &Record, response: &[f64], until_s: f64) -> Vec<Series> {
+fn step_series(step: &Step, record: &Record, response: &[f64], until_s: f64) -> Vec<Series> {
     let share = |value: f64| (value - step.before) / (step.after - step.before);
     let is_drawn = |row: &usize| (-DRAWN_BEFORE * until_s..until_s).contains(&(record.time_s[*row] - step.at_s));
     let rows = step.window.clone().filter(is_drawn);

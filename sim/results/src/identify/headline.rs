@@ -9,8 +9,8 @@ use rotorlead_plant::{Judgement, Point};
 /// The time constants, the dead time, how well they explain the records, and whether a compensator may be built on them.
 pub fn headline(identified: &Identification, judgement: &Judgement) -> String {
     let lag = match &identified.lags {
-        Lags::Steps(fit) => of_steps(fit),
-        Lags::Multisines(_) | Lags::Chirps(_) => of_points(&identified.model.points),
+        Lags::Steps(fit) => steps_headline(fit),
+        Lags::Multisines(_) | Lags::Chirps(_) => points_headline(&identified.model.points),
         Lags::None => {
             let points = identified.static_map.as_ref().map_or(0, |(_, fit)| fit.points);
             format!("static map of {points} steady points, no lag")
@@ -20,7 +20,7 @@ pub fn headline(identified: &Identification, judgement: &Judgement) -> String {
 }
 
 /// The lag of the steps, averaged over those in one direction.
-fn of_steps(fit: &StaircaseFit) -> String {
+fn steps_headline(fit: &StaircaseFit) -> String {
     let average = |(direction, way)| {
         let tau = fit.curve.as_ref()?.average(direction)?;
         let range = range_ms(tau.interval_of_logarithm(0.95));
@@ -47,7 +47,7 @@ fn of_steps(fit: &StaircaseFit) -> String {
     format!("{lag}, {delay}, fit {:.1} % of a possible {:.1} %", fit.fit_percent, fit.ceiling_percent)
 }
 
-fn of_points(points: &[Point]) -> String {
+fn points_headline(points: &[Point]) -> String {
     let tau = |point: &Point| Estimate::normal(point.time_constant_s, point.time_constant_s_std.unwrap_or(f64::NAN));
     let (low, high) = extent(&points.iter().map(|point| point.nominal).collect::<Vec<f64>>());
     let delays: Vec<f64> = points.iter().map(|point| point.delay_s).collect();
@@ -63,11 +63,11 @@ fn of_points(points: &[Point]) -> String {
         (worst, _) => format!(", fit {worst:.1} % in frequency{}", if fits.len() > 1 { " or better" } else { "" }),
     };
     let at = if low < high { format!("at u_nom {low} to {high}") } else { format!("at u_nom {low}") };
-    format!("{} {at}, {delay}{fit}", of_range("time constants", points.iter().map(tau)))
+    format!("{} {at}, {delay}{fit}", range_text("time constants", points.iter().map(tau)))
 }
 
 /// One number or two, as the estimates go.
-fn of_range(what: &str, estimates: impl Iterator<Item = Estimate>) -> String {
+fn range_text(what: &str, estimates: impl Iterator<Item = Estimate>) -> String {
     let values: Vec<f64> = estimates.map(|estimate| 1e3 * estimate.value).collect();
     match extent(&values) {
         _ if values.is_empty() => format!("{what} unknown"),

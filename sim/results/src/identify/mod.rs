@@ -63,7 +63,7 @@ impl IdentifyResult {
     ///
     /// # Errors
     /// Those of [`identify`].
-    pub fn of(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
+    pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
         Self::beside(experiment, options, None)
     }
 
@@ -135,8 +135,9 @@ impl IdentifyResult {
         let identified = &self.identification;
         let chirps = identified.lags.chirps();
         let in_frequency = identified.lags.in_frequency();
-        let distortion =
-            |found: &PeriodicIdentification| -> Vec<_> { found.nominals.iter().map(DistortionValues::of).collect() };
+        let distortion = |found: &PeriodicIdentification| -> Vec<_> {
+            found.nominals.iter().map(DistortionValues::from_nominal).collect()
+        };
         let responses = chirps.map(|found| found.responses.iter().map(ChirpValues::new).collect::<Vec<_>>());
         object(&json!({
             "judgement": judgement,

@@ -82,7 +82,12 @@ impl Overview {
     ///
     /// # Errors
     /// What is wrong with the records, where neither a model is given nor one can be identified.
-    pub fn of(experiment: &Experiment, folder: &Path, asked: Asked, watch: Watch) -> Result<Self, IdentifyError> {
+    pub fn from_experiment(
+        experiment: &Experiment,
+        folder: &Path,
+        asked: Asked,
+        watch: Watch,
+    ) -> Result<Self, IdentifyError> {
         let diagnosed = asked.with_diagnosis.then(|| {
             (watch.stage)("diagnosing");
             let mut experiment = experiment.clone();
@@ -153,7 +158,7 @@ impl Overview {
                     text = remarks(found, extended, chosen.options, experiment)?;
                     // Lags of steps have in them what the effects do to a step, and would have it twice.
                     if !is_of_steps {
-                        let effects = ActiveEffect::of_model(extended).map_err(|error| said(&error.into()))?;
+                        let effects = ActiveEffect::from_model(extended).map_err(|error| said(&error.into()))?;
                         let of_extended = "For the model that the diagnosis has extended.".to_owned();
                         text.splice(0..0, (!effects.is_empty()).then_some(of_extended));
                         chosen.options = chosen.options.within(&effects);
@@ -161,7 +166,7 @@ impl Overview {
                     }
                 }
                 chosen.recommendation.clone_from(recommendation);
-                let mut found = DesignResult::of(model, chosen, Latency::standard(DEFAULT_LOOP_RATE_HZ))
+                let mut found = DesignResult::design(model, chosen, Latency::standard(DEFAULT_LOOP_RATE_HZ))
                     .map_err(|error| said(&error.into()))?;
                 found.bandwidth.measured = measured;
                 // What the model was judged to be is said of the model itself.
@@ -200,7 +205,7 @@ fn findings(experiment: &Experiment, identified: Option<&IdentifyResult>) -> Vec
 
 /// The bandwidths that the records show, none where there are none to measure.
 fn measured(found: &PeriodicIdentification) -> MeasuredRecords {
-    MeasuredRecords::of(found)
+    MeasuredRecords::measure(found)
         .unwrap_or_else(|_| MeasuredRecords { nominals: found.nominals.clone(), ..MeasuredRecords::default() })
 }
 

@@ -21,7 +21,7 @@ pub(super) struct Legend<'a> {
 
 impl<'a> Legend<'a> {
     /// Rows as wide as the picture; empty where there is only one series, which the title names.
-    pub(super) fn of(figure: &'a Figure, width: u32) -> Self {
+    pub(super) fn from_figure(figure: &'a Figure, width: u32) -> Self {
         let series = figure.legend();
         let mut entries = Vec::new();
         let (mut x, mut row) = (MARGIN, 0);
