@@ -18,41 +18,6 @@ macro_rules! sample {
 /// What messages have to call the log.
 const FILE: &str = "fuzzed.log";
 
-/// The format that a fuzzer's logs are of, when they are of any.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FuzzedFormat {
-    /// Of Betaflight.
-    Blackbox,
-    /// Of ArduPilot.
-    DataFlash,
-    /// Of an ESC's telemetry.
-    Esc32,
-    /// Of MATLAB.
-    Mat,
-    /// A plain table.
-    Plain,
-    /// Of a thrust stand.
-    RcBenchmark,
-    /// Of PX4.
-    Ulog,
-}
-
-impl FuzzedFormat {
-    /// Memory that an import of a log of `length` bytes may take at a time, beside the log.
-    ///
-    /// A row of two bytes takes up to 400: doubles in the column that was read, in the record and as its time, the place of its
-    /// row, and lists take twice as much while they grow. A byte of compressed data may inflate to 64 one-byte numbers, each of
-    /// which takes 32 bytes; no other format is compressed.
-    #[must_use]
-    pub fn memory_bound(self, length: usize) -> usize {
-        let per_byte = match self {
-            Self::Mat => 64 * 32,
-            Self::Blackbox | Self::DataFlash | Self::Esc32 | Self::Plain | Self::RcBenchmark | Self::Ulog => 200,
-        };
-        (4 << 20) + per_byte * length
-    }
-}
-
 /// Bytes as a log of any format, recognized by them.
 ///
 /// # Panics

@@ -5,6 +5,8 @@ mod fleet;
 mod import;
 mod link;
 
+use rotorlead_records::import::{FORMATS, LogFormat};
+
 pub use capture::*;
 pub use fleet::*;
 pub use import::*;
@@ -19,30 +21,42 @@ pub struct Fuzzer {
     pub run: fn(&[u8]),
     /// The named part of its stored inputs. The others are what libFuzzer found.
     pub named_inputs: fn() -> Vec<(&'static str, Vec<u8>)>,
-    /// The format of its logs, which bounds the memory that they may take, if it has logs.
-    pub format: Option<FuzzedFormat>,
+    /// The name of the format of its logs, which bounds the memory that they may take, if it has logs.
+    pub format: Option<&'static str>,
 }
 
 /// Every fuzzer.
 pub const FUZZERS: [Fuzzer; 11] = [
     fuzzer("capture", fuzz_capture, capture_corpus, None),
     fuzzer("fleet", fuzz_fleet, fleet_corpus, None),
-    fuzzer("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus, Some(FuzzedFormat::Blackbox)),
-    fuzzer("import_dataflash", fuzz_import_dataflash, import_dataflash_corpus, Some(FuzzedFormat::DataFlash)),
-    fuzzer("import_esc32", fuzz_import_esc32, import_esc32_corpus, Some(FuzzedFormat::Esc32)),
-    fuzzer("import_mat", fuzz_import_mat, import_mat_corpus, Some(FuzzedFormat::Mat)),
-    fuzzer("import_plain", fuzz_import_plain, import_plain_corpus, Some(FuzzedFormat::Plain)),
-    fuzzer("import_rcbenchmark", fuzz_import_rcbenchmark, import_rcbenchmark_corpus, Some(FuzzedFormat::RcBenchmark)),
-    fuzzer("import_ulog", fuzz_import_ulog, import_ulog_corpus, Some(FuzzedFormat::Ulog)),
+    fuzzer("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus, Some("blackbox")),
+    fuzzer("import_dataflash", fuzz_import_dataflash, import_dataflash_corpus, Some("dataflash")),
+    fuzzer("import_esc32", fuzz_import_esc32, import_esc32_corpus, Some("esc32")),
+    fuzzer("import_mat", fuzz_import_mat, import_mat_corpus, Some("mat")),
+    fuzzer("import_plain", fuzz_import_plain, import_plain_corpus, Some("plain")),
+    fuzzer("import_rcbenchmark", fuzz_import_rcbenchmark, import_rcbenchmark_corpus, Some("rc_benchmark")),
+    fuzzer("import_ulog", fuzz_import_ulog, import_ulog_corpus, Some("ulog")),
     fuzzer("link", fuzz_link, link_corpus, None),
     fuzzer("settings", fuzz_settings, settings_corpus, None),
 ];
+
+impl Fuzzer {
+    /// The format of its logs, if it has logs.
+    ///
+    /// # Panics
+    /// When there is no format of this name.
+    #[must_use]
+    pub fn log_format(&self) -> Option<&'static LogFormat> {
+        let named = |name| FORMATS.into_iter().find(|format| format.name == name);
+        self.format.map(|name| named(name).unwrap_or_else(|| panic!("no format {name}")))
+    }
+}
 
 const fn fuzzer(
     name: &'static str,
     run: fn(&[u8]),
     named_inputs: fn() -> Vec<(&'static str, Vec<u8>)>,
-    format: Option<FuzzedFormat>,
+    format: Option<&'static str>,
 ) -> Fuzzer {
     Fuzzer { name, run, named_inputs, format }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::miette;
 use rotorlead_records::files::{FileError, OutputFolder};
-use rotorlead_records::import::ImportOptions;
+use rotorlead_records::import::{FORMATS, ImportOptions};
 use rotorlead_records::{Experiment, FleetList, FleetLog, Output};
 use serde_json::json;
 
@@ -16,10 +16,8 @@ use super::progress;
 
 /// Takes logs of other tools as an experiment
 ///
-/// Reads any table of numbers as text, with commas, semicolons, tabs or blanks between its columns; RCbenchmark (Tyto) thrust-stand
-/// logs; the logs of the AutoQuad ESC32; MATLAB files of named vectors (time, command, thrust or rpm); PX4 ULog; ArduPilot
-/// DataFlash (.bin), with the chirps of its actuator chirp applet; and Betaflight blackbox. The format is recognized by the content. Each log becomes one record. Shows every column of a log and which of
-/// them were taken.
+/// The format is recognized by the content; the list of formats stands at the end. Each log becomes one record. Shows every column of a
+/// log and which of them were taken.
 ///
 /// The columns of a table are recognized by names that say quantity and unit, such as `time_ms`, `Throttle (%)`, `thrust [g]` or
 /// `rpm`; where they do not, --column says it. One unit is guessed, and said to be: that of a command whose numbers fit one alone,
@@ -30,6 +28,7 @@ use super::progress;
 ///
 /// A table of steady points, one in each row, becomes a record of the excitation `steady`: it gives a static map and no lag.
 #[derive(Args, Debug)]
+#[command(after_long_help = formats())]
 pub struct Import {
     /// The logs, each of which becomes a record
     #[arg(value_name = "FILE", required = true)]
@@ -56,6 +55,11 @@ pub struct Import {
     logs: LogArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
+}
+
+/// Which logs are read, for the end of the help.
+fn formats() -> String {
+    FORMATS.iter().fold(String::from("Formats that are recognized:"), |list, format| list + "\n  - " + format.title)
 }
 
 impl Import {

@@ -11,7 +11,7 @@ use rotorlead_identify::check::check_record;
 use rotorlead_records::Finding;
 use rotorlead_records::files::Quantity;
 use rotorlead_records::import::{
-    ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, LogFormat, MissingOption, import,
+    ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, import,
 };
 use rotorlead_records::{Excitation, Experiment, Output};
 
@@ -35,7 +35,7 @@ pub struct LogArguments {
     tare: bool,
     /// What drove the command
     ///
-    /// Needed for a plain table; unless given, chirp for the chirps of a DataFlash log and staircase for other logs. `steady`: each row is a
+    /// Needed for a plain table; unless given, chirp for an autopilot's chirps and staircase for other logs. `steady`: each row is a
     /// steady point of its own, as in a table of averages.
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
@@ -51,14 +51,14 @@ pub struct LogArguments {
     /// Which part of the log to take, in seconds from its first row; all of it unless given
     #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
-    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, and of
-    /// DataFlash what its parameters MOT_PWM_MIN and MOT_PWM_MAX say
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; unless given what
+    /// the log's own parameters say, or else 1000..2000
     #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
-    /// Which motor to take of an autopilot's log, from 1; the first unless given, or the chirp of a DataFlash log that has one
+    /// Which motor to take of an autopilot's log, from 1; unless given the first, or the one of a chirp that says no motor
     #[arg(long, value_name = "N")]
     motor: Option<usize>,
-    /// Which log to take of a blackbox file that has several, or which chirp of a DataFlash log, from 1; the longest unless given
+    /// Which log to take of an autopilot's file that has several, or which chirp, from 1; the longest unless given
     #[arg(long, value_name = "N")]
     log: Option<usize>,
 }
@@ -171,16 +171,16 @@ impl LogArguments {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());
             Err(WrongUse::new(message, format!("leave {option} out")))
         };
-        if self.motor.is_some() && !matches!(format, LogFormat::Ulog | LogFormat::Blackbox | LogFormat::DataFlash) {
+        if self.motor.is_some() && !format.has_motors {
             return refuse("--motor", "it is no autopilot's log");
         }
-        if self.log.is_some() && !matches!(format, LogFormat::Blackbox | LogFormat::DataFlash) {
-            return refuse("--log", "it is no blackbox file, and no DataFlash log");
+        if self.log.is_some() && !format.has_several_logs {
+            return refuse("--log", "it is of a format that has one log in a file");
         }
         if self.pulse_us.is_some() && !log.pulse_widths {
             return refuse("--pulse-us", "its command is a duty already, no pulse width");
         }
-        if !self.column.is_empty() && !matches!(format, LogFormat::Plain | LogFormat::RcBenchmark) {
+        if !self.column.is_empty() && !format.has_stated_columns {
             return refuse("--column", "it is no table of text");
         }
         Ok(())

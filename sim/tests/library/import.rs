@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{imported, message, sample};
@@ -30,7 +30,7 @@ fn edited(name: &str, line: usize, from: &str, to: &str) -> Result<Import, Impor
 #[test]
 fn an_rcbenchmark_log_becomes_a_staircase() {
     let Import { experiment, summary } = taken("rcbenchmark.csv");
-    assert_eq!(summary.format, LogFormat::RcBenchmark);
+    assert_eq!(summary.format.name, "rc_benchmark");
     assert_eq!(experiment.name, "rcbenchmark");
     assert_eq!(experiment.output, Output::Rpm);
     assert_eq!(experiment.sample_rate_hz, None);
@@ -88,7 +88,7 @@ fn the_range_of_the_esc_signal_can_be_stated() {
 #[test]
 fn an_esc32_log_is_put_on_its_grid() {
     let Import { experiment, summary } = taken("esc32.csv");
-    assert_eq!(summary.format, LogFormat::Esc32);
+    assert_eq!(summary.format.name, "esc32");
     let record = &experiment.records[0];
     assert_eq!(record.time_s.len(), 700);
     assert_eq!((record.command[0], record.command[699]), (0.15, 0.2));

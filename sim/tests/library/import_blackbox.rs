@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_identify::identification::{IdentifyOptions, identify};
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{self, message as refusal};
@@ -266,7 +266,7 @@ fn the_sample_is_taken_number_by_number() {
         let log = import(&sample(), &options(number, None)).unwrap();
         check_frames(&log, number as u32, &(STOPPED..FRAMES).collect::<Vec<_>>());
         let summary = &log.summary;
-        assert_eq!((summary.format, summary.rows_read), (LogFormat::Blackbox, FRAMES as usize));
+        assert_eq!((summary.format.name, summary.rows_read), ("blackbox", FRAMES as usize));
         assert_eq!((summary.dropped.len(), summary.dropped[0].rows), (1, STOPPED as usize));
         assert_eq!(summary.columns.len(), FIELDS.len());
         let use_of = |name: &str| {

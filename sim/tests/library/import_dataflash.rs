@@ -5,7 +5,7 @@ use std::fs;
 
 use proptest::prelude::*;
 use rotorlead_identify::identification::{IdentifyOptions, Lags, identify};
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Record};
 
 use crate::importing::{self, message as refusal, sample};
@@ -43,7 +43,7 @@ fn seen(file: &str, message: &str, field: &str) -> Vec<(usize, f64)> {
 fn an_output_and_its_esc_are_what_the_other_reader_sees() {
     let log = import(&sample("bench.bin"), &ImportOptions::default()).unwrap();
     let summary = &log.summary;
-    assert_eq!((summary.format, summary.rows_read), (LogFormat::DataFlash, 900));
+    assert_eq!((summary.format.name, summary.rows_read), ("dataflash", 900));
     let uses: Vec<_> = summary.columns.iter().map(|c| (c.name.as_str(), c.taken_as.as_deref())).collect();
     let expected = [
         ("ESC.TimeUS[2]", Some("time_s")),

@@ -8,7 +8,7 @@ use flate2::{Compression, write::ZlibEncoder};
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_records::Output;
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 
 use crate::importing::{self, message};
 
@@ -167,7 +167,7 @@ fn check_numbers(experiment: &rotorlead_records::Experiment) {
 #[test]
 fn the_sample_is_taken_number_by_number() {
     let Import { experiment, summary } = import(&sample(), &ImportOptions::default()).unwrap();
-    assert_eq!((summary.format, summary.rows_read, summary.rows_taken), (LogFormat::Mat, ROWS, ROWS));
+    assert_eq!((summary.format.name, summary.rows_read, summary.rows_taken), ("mat", ROWS, ROWS));
     assert_eq!(experiment.name, "vectors");
     check_numbers(&experiment);
     let uses: Vec<_> = summary.columns.iter().map(|c| (c.name.as_str(), c.taken_as.as_deref())).collect();

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{imported, message};
@@ -368,7 +368,7 @@ fn what_is_odd_and_means_one_thing_is_taken() {
 #[test]
 fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     let Import { experiment, summary } = taken(stand(dshot, "rad/s"), "none").unwrap();
-    assert_eq!((summary.format, summary.rows_taken), (LogFormat::RcBenchmark, ROWS));
+    assert_eq!((summary.format.name, summary.rows_taken), ("rc_benchmark", ROWS));
     let record = &experiment.records[0];
     assert_eq!((experiment.output, record.excitation), (Output::Rpm, Excitation::Staircase));
     // 600 of 48..2047.

@@ -1,7 +1,7 @@
 //! Plain tables: any logger's columns, units, separators and lines above the header.
 
 use proptest::prelude::*;
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output, Record};
 
 use crate::importing::{imported, message, sample};
@@ -41,7 +41,7 @@ fn record(text: &str) -> Record {
 #[test]
 fn units_in_the_header_are_converted() {
     let Import { experiment, summary } = taken(&table(HEADER)).unwrap();
-    assert_eq!((summary.format, summary.rows_read, summary.rows_taken), (LogFormat::Plain, ROWS, ROWS));
+    assert_eq!((summary.format.name, summary.rows_read, summary.rows_taken), ("plain", ROWS, ROWS));
     assert_eq!((experiment.output, experiment.sample_rate_hz), (Output::ThrustN, None));
     let record = &experiment.records[0];
     assert_eq!(record.file, "log.csv");
@@ -181,7 +181,7 @@ fn columns_without_a_name_are_called_by_their_place() {
 fn a_stands_log_stays_one_where_columns_are_stated() {
     let log = sample("rcbenchmark.csv");
     let known = import(&log, &options(&[])).unwrap();
-    assert_eq!(known.summary.format, LogFormat::RcBenchmark);
+    assert_eq!(known.summary.format.name, "rc_benchmark");
     let stated = import(&log, &options(&["rpm=Motor Electrical Speed (RPM)"])).unwrap();
     assert_eq!(stated, known);
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_records::Output;
-use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 
 use crate::importing::{self, message as refusal};
 
@@ -128,7 +128,7 @@ fn the_sample_is_taken_number_by_number() {
     let log = import(&sample(), &ImportOptions::default()).unwrap();
     check_numbers(&log);
     let summary = &log.summary;
-    assert_eq!((summary.format, summary.rows_read), (LogFormat::Ulog, STATUSES as usize));
+    assert_eq!((summary.format.name, summary.rows_read), ("ulog", STATUSES as usize));
     assert_eq!(summary.rows_taken, expected().len());
     assert_eq!(summary.rows_taken + summary.dropped.iter().map(|d| d.rows).sum::<usize>(), summary.rows_read);
     let reasons: Vec<_> = summary.dropped.iter().map(|d| (d.rows, d.reason.as_str())).collect();

@@ -8,11 +8,12 @@
 
 use std::path::Path;
 
-use super::blackbox_frames::{Log, Rows};
+use super::blackbox_frames::{self, Log, Rows};
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
 /// Bit of `features` that says that motors turn both ways.
@@ -22,7 +23,7 @@ const MOST_MOTORS: usize = 8;
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
 
-pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> Result<Taken, ImportError> {
+fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> Result<Taken, ImportError> {
     let mut notes = Vec::new();
     let number = chosen(file, logs, options, &mut notes)?;
     // Where the log begins in the file; garbage may lie in front of the first.
@@ -91,7 +92,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
         usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
-            format: LogFormat::Blackbox,
+            format: &FORMAT,
             rows_read: frames.rows.len(),
             rows_taken: rows.len(),
             columns: log.names.iter().map(use_of).collect(),
@@ -236,3 +237,20 @@ fn what_is_lost(frames: &Rows<3>) -> Vec<String> {
     }
     notes
 }
+
+/// Bytes as a log, where they hold a blackbox.
+fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
+    let logs = blackbox_frames::logs(bytes);
+    (!logs.is_empty()).then(|| take(file, bytes, &logs, options)).transpose()
+}
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "blackbox",
+    title: "Betaflight blackbox",
+    has_motors: true,
+    has_several_logs: true,
+    has_stated_columns: false,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Bytes(read),
+};

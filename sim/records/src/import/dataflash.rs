@@ -12,11 +12,12 @@ use std::path::Path;
 
 use rotorlead_numerics::sample::median;
 
-use super::dataflash_messages::{Log, Messages};
+use super::dataflash_messages::{Log, Messages, is_dataflash};
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
 const CHIRP: &str = "ECRP";
@@ -30,7 +31,7 @@ const CHIRP_PAUSE_S: f64 = 1.0;
 const CHIRP_RESTART: f64 = 0.9;
 const STAMP: &str = "microseconds, from the first row taken";
 
-pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
     let log = Log::read(bytes, &[CHIRP, OUTPUTS, REPORTS]);
     if log.bytes_lost > bytes.len() / 2 {
         let problem = "from here on, more bytes belong to no message than to one";
@@ -114,7 +115,7 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     let dropped = dropped.into_iter().filter(|(rows, _)| *rows > 0);
     let summary = ImportSummary {
         file: file.into(),
-        format: LogFormat::DataFlash,
+        format: &FORMAT,
         rows_read,
         rows_taken: rows.len(),
         columns,
@@ -210,7 +211,7 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     let (voltage_v, current_a) = (optional("Volt", "voltage_v"), optional("Curr", "current_a"));
     let summary = ImportSummary {
         file: file.into(),
-        format: LogFormat::DataFlash,
+        format: &FORMAT,
         rows_read: response.len(),
         rows_taken: rows.len(),
         columns,
@@ -400,3 +401,19 @@ fn taken(
         summary,
     }
 }
+
+/// Bytes as a log, where they are a DataFlash log.
+fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
+    is_dataflash(bytes).then(|| take(file, bytes, options)).transpose()
+}
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "dataflash",
+    title: "ArduPilot DataFlash (.bin), with the chirps of its actuator chirp applet",
+    has_motors: true,
+    has_several_logs: true,
+    has_stated_columns: false,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Bytes(read),
+};

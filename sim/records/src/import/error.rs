@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::format::LogFormat;
 use super::missing::{EXCITATIONS, MissingOption};
 use crate::files::shown;
 
@@ -99,10 +100,7 @@ pub enum ImportError {
     },
     /// There are no rows of numbers.
     #[error("{}: no known log format, and no table: no line of it has two numbers. It begins with: {header}", file.display())]
-    #[diagnostic(help(
-        "known: tables of numbers separated by commas, semicolons, tabs or blanks; RCbenchmark, AutoQuad ESC32, MATLAB files of \
-         named vectors (`save -v7`), PX4 ULog, ArduPilot DataFlash (.bin) and Betaflight blackbox. Export the log again as one of them"
-    ))]
+    #[diagnostic(help("known: {}. Export the log again as one of them", LogFormat::titles()))]
     UnknownFormat {
         /// The log.
         file: PathBuf,
@@ -111,9 +109,7 @@ pub enum ImportError {
     },
     /// Bytes among the text that are none.
     #[error("{}, line {line}: a null byte: the file is damaged, or a binary log that is not known", file.display())]
-    #[diagnostic(help(
-        "copy the file again, or export it as text; of binary logs MATLAB, ULog, DataFlash and blackbox are taken"
-    ))]
+    #[diagnostic(help("copy the file again, or export it as one of these: {}", LogFormat::titles()))]
     NotText {
         /// The log.
         file: PathBuf,
@@ -122,9 +118,7 @@ pub enum ImportError {
     },
     /// Text in another encoding.
     #[error("{}, line {line}: not UTF-8 text, nor a binary log that is known", file.display())]
-    #[diagnostic(help(
-        "export the log again as UTF-8 text; RCbenchmark, ESC32, MATLAB, ULog, DataFlash and blackbox are taken too"
-    ))]
+    #[diagnostic(help("export the log again as UTF-8 text, or as one of these: {}", LogFormat::titles()))]
     NotUtf8 {
         /// The log.
         file: PathBuf,

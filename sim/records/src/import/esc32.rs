@@ -11,10 +11,11 @@ use std::path::Path;
 
 use jiff::civil::DateTime;
 
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
 use super::table::{Reading, Table};
-use super::{DroppedRows, ImportError, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
+use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, Timing};
 use crate::{Excitation, Output};
 
 const TIME: &str = "Timestamp";
@@ -34,7 +35,7 @@ pub(super) fn table<'a>(file: &Path, text: &'a str) -> Option<Table<'a>> {
     (has(TIME) && has(COMMAND)).then(|| Table::new(file, header, Cow::Borrowed(rows), b',', 1))
 }
 
-pub(super) fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
+fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     let mut columns = ColumnList::new(table);
     let need = |name: &str| {
         table.find(name).ok_or_else(|| ImportError::MissingColumn { file: table.file.clone(), column: name.into() })
@@ -89,7 +90,7 @@ pub(super) fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     Ok(Taken {
         summary: ImportSummary {
             file: table.file.clone(),
-            format: LogFormat::Esc32,
+            format: &FORMAT,
             rows_read: rows,
             rows_taken: rows,
             columns: columns.into_vec(),
@@ -165,3 +166,19 @@ fn parse(text: &str) -> Option<(DateTime, f64)> {
     let fraction = fraction.parse::<f64>().ok()? / 10f64.powi(fraction.len() as i32);
     Some((moment, fraction))
 }
+
+/// Text as a log, where its header is that of one. A log whose columns are stated is a table like any other.
+fn read(file: &Path, text: &str, options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
+    table(file, text).filter(|_| options.columns.is_empty()).map(|table| take(&table)).transpose()
+}
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "esc32",
+    title: "AutoQuad ESC32",
+    has_motors: false,
+    has_several_logs: false,
+    has_stated_columns: false,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Text(read),
+};

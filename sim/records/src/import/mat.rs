@@ -7,12 +7,13 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
+use super::format::{LogFormat, Reader};
 use super::mat5::{self, Kind, Variable};
 use super::plain_columns::MOST_LISTED;
 use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken};
 use crate::files::csv_rows::quoted;
 use crate::{Excitation, Output};
 
@@ -110,7 +111,7 @@ struct Source {
     values: Vec<f64>,
 }
 
-pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
     let mut variables = mat5::read(bytes, |name| meaning(name).is_some()).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
@@ -219,7 +220,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
-            format: LogFormat::Mat,
+            format: &FORMAT,
             rows_read,
             rows_taken: rows.len(),
             columns,
@@ -266,3 +267,26 @@ fn missing(file: &Path, variables: &[Variable], signals: &[Quantity]) -> ImportE
         within: within.map(|remedy| format!("; or {remedy}")).unwrap_or_default(),
     }
 }
+
+/// Bytes as a log, where they are a MATLAB file.
+fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
+    match mat5::header(bytes) {
+        Some(mat5::Header::Level5) => take(file, bytes, options).map(Some),
+        Some(mat5::Header::Hdf5) => Err(ImportError::Hdf5 { file: file.into() }),
+        None => Ok(None),
+    }
+}
+
+/// Bytes of memory per byte: one of compressed data may inflate to 64 one-byte numbers, each of which takes 32 bytes.
+const COMPRESSED: usize = 64 * 32;
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "mat",
+    title: "MATLAB files of named vectors, time, command, thrust or rpm (`save -v7`)",
+    has_motors: false,
+    has_several_logs: false,
+    has_stated_columns: false,
+    memory_per_byte: COMPRESSED,
+    reader: Reader::Bytes(read),
+};

@@ -1,7 +1,6 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is recognized by the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`,
-//! `dataflash`, and `plain` for any other table. What was found in a log, what of it was taken and as what, and what was done to the rows and their
+//! The format is recognized by the content, as one of [`FORMATS`]. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
 mod blackbox;
@@ -13,6 +12,7 @@ mod error;
 mod esc32;
 mod flight;
 mod foreign;
+mod format;
 mod held;
 mod mat;
 mod mat5;
@@ -36,13 +36,15 @@ use std::io::Read as _;
 use std::path::Path;
 
 pub use error::ImportError;
+pub use format::{FORMATS, LogFormat};
 pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::spread_bursts;
-pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};
+pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
 use super::{Excitation, Experiment, Output, Record};
 use described::Described;
+use format::Reader;
 use plain_layout::PlainTable;
 
 /// What a log does not say of itself.
@@ -138,33 +140,42 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
-    let taken = match mat5::header(bytes) {
-        Some(mat5::Header::Level5) => mat::take(file, bytes, options)?,
-        Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
-        None if ulog_messages::is_ulog(bytes) => ulog::take(file, bytes, options)?,
-        None if dataflash_messages::is_dataflash(bytes) => dataflash::take(file, bytes, options)?,
-        None => match &blackbox_frames::logs(bytes)[..] {
-            [] => {
-                foreign::refuse(file, bytes)?;
-                let (text, is_utf16) = foreign::text(file, bytes)?;
-                let mut taken = take_text(file, &text, options)?;
-                if is_utf16 {
-                    taken.summary.notes.push(String::from("the log is UTF-16 text, and was read as such"));
-                }
-                taken
-            }
-            logs => blackbox::take(file, bytes, logs, options)?,
-        },
-    };
-    taken.into_import(file, options)
+    take(file, bytes, options)?.into_import(file, options)
 }
 
-/// Takes a log of text, whose format is recognized by its header. An ESC's log whose columns are stated is a table like any other.
-fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, ImportError> {
-    match esc32::table(file, text).filter(|_| options.columns.is_empty()) {
-        Some(table) => esc32::take(&table),
-        None => plain::take_table(PlainTable::parse(file, text)?, options),
+/// Takes a log as the first format that recognizes it.
+fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+    for format in FORMATS {
+        if let Reader::Bytes(read) = format.reader
+            && let Some(taken) = read(file, bytes, options)?
+        {
+            return Ok(taken);
+        }
     }
+    foreign::refuse(file, bytes)?;
+    let (text, is_utf16) = foreign::text(file, bytes)?;
+    let mut taken = take_text(file, &text, options)?;
+    if is_utf16 {
+        taken.summary.notes.push(String::from("the log is UTF-16 text, and was read as such"));
+    }
+    Ok(taken)
+}
+
+fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, ImportError> {
+    for format in FORMATS {
+        if let Reader::Text(read) = format.reader
+            && let Some(taken) = read(file, text, options)?
+        {
+            return Ok(taken);
+        }
+    }
+    let plain = PlainTable::parse(file, text)?;
+    let as_table = |format: &'static LogFormat| match format.reader {
+        Reader::Table { is_header, is_stand } if is_header(&plain.table.header) => Some((format, is_stand)),
+        _ => None,
+    };
+    let format = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, false));
+    plain::take_table(plain, options, format)
 }
 
 /// What a format's reader hands over: columns of equal length, and how they came about.

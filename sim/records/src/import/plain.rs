@@ -7,17 +7,16 @@ use std::mem::take;
 
 use rotorlead_numerics::sample::median;
 
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::plain_columns::{Pick, Picks, is_electrical, option, other_speed};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
-use super::rcbenchmark::{self, MAX_OVERTAKING_S};
+use super::rcbenchmark::MAX_OVERTAKING_S;
 use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
-use super::{
-    DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing,
-};
+use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing};
 use crate::{Excitation, Output};
 
 /// Seconds of a day.
@@ -37,8 +36,11 @@ const MOST_RPM: f64 = 200_000.0;
 /// No such rotor pulls more, newtons.
 const MOST_N: f64 = 10_000.0;
 
-pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
-    let is_stand = rcbenchmark::is_header(&plain.table.header);
+pub(super) fn take_table(
+    mut plain: PlainTable<'_>,
+    options: &ImportOptions,
+    (format, is_stand): (&'static LogFormat, bool),
+) -> Result<Taken, ImportError> {
     let mut notes = take(&mut plain.notes);
     let mut list = ColumnList::new(&plain.table);
     let picks = Picks::choose(&plain, options, &mut list)?;
@@ -147,7 +149,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
     Ok(Taken {
         summary: ImportSummary {
             file: table.file.clone(),
-            format: if is_stand { LogFormat::RcBenchmark } else { LogFormat::Plain },
+            format,
             rows_read,
             rows_taken: count,
             columns: list.into_vec(),
@@ -526,3 +528,14 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
         )
     })
 }
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "plain",
+    title: "tables of numbers as text, with commas, semicolons, tabs or blanks between the columns",
+    has_motors: false,
+    has_several_logs: false,
+    has_stated_columns: true,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Table { is_header: |_| true, is_stand: false },
+};

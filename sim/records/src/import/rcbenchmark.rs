@@ -8,6 +8,8 @@
 //!   sorted.
 //! - Thrust and torque come from slower converters behind filters: they lag behind the speed, so that the response is the speed.
 
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
+
 const TIME: &str = "Time (s)";
 const COMMAND: &str = "ESC signal";
 const SPEEDS: [&str; 2] = ["Motor Electrical Speed", "Motor Optical Speed"];
@@ -20,3 +22,14 @@ pub(super) fn is_header(header: &[String]) -> bool {
     let begins = |start: &str| header.iter().any(|name| name.starts_with(start));
     header.iter().any(|name| name == TIME) && begins(COMMAND) && SPEEDS.into_iter().any(begins)
 }
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "rc_benchmark",
+    title: "RCbenchmark (Tyto) thrust stands",
+    has_motors: false,
+    has_several_logs: false,
+    has_stated_columns: true,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Table { is_header, is_stand: true },
+};

@@ -4,28 +4,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::format::LogFormat;
 use super::table::Table;
-
-/// The formats that can be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LogFormat {
-    /// Thrust stand of the RCbenchmark (Tyto Robotics) 1520/1580 series, continuous log.
-    RcBenchmark,
-    /// The AutoQuad ESC32's own telemetry log.
-    Esc32,
-    /// MATLAB file of named vectors, saved with `-v6` or `-v7`.
-    Mat,
-    /// Log of the PX4 autopilot.
-    Ulog,
-    /// Log of Betaflight.
-    Blackbox,
-    /// Log of the ArduPilot autopilot.
-    #[serde(rename = "dataflash")]
-    DataFlash,
-    /// Any table of numbers with a header, as text.
-    Plain,
-}
 
 /// What was found in a log and what became of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,7 +13,7 @@ pub struct ImportSummary {
     /// The log.
     pub file: PathBuf,
     /// Its format.
-    pub format: LogFormat,
+    pub format: &'static LogFormat,
     /// Rows with at least one value.
     pub rows_read: usize,
     /// Rows in the record.

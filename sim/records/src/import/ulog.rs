@@ -8,11 +8,12 @@
 
 use std::path::Path;
 
+use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::ColumnUse;
-use super::ulog_messages::{Log, Place, Topic};
+use super::ulog_messages::{Log, Place, Topic, is_ulog};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
 /// Bends thrust to the ESC's signal.
@@ -27,7 +28,7 @@ const MOST_MOTORS: usize = 16;
 /// ESCs in one `esc_status`.
 const ESCS: usize = 8;
 
-pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
     let log = Log::read(bytes, &[MOTORS, OUTPUTS, STATUS]).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
@@ -152,7 +153,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
-            format: LogFormat::Ulog,
+            format: &FORMAT,
             rows_read,
             rows_taken: rows.len(),
             columns,
@@ -244,3 +245,19 @@ fn samples(
         problem: "a message is shorter than its format".into(),
     })
 }
+
+/// Bytes as a log, where they are a ULog.
+fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
+    is_ulog(bytes).then(|| take(file, bytes, options)).transpose()
+}
+
+/// The format.
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "ulog",
+    title: "PX4 ULog",
+    has_motors: true,
+    has_several_logs: false,
+    has_stated_columns: false,
+    memory_per_byte: UNCOMPRESSED,
+    reader: Reader::Bytes(read),
+};
