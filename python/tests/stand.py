@@ -97,7 +97,7 @@ class Stand(unittest.TestCase):
         pathlib.Path("motor.toml").write_text(MODEL + EFFECT)
         pathlib.Path("plan.toml").write_text(PLAN)
         answer("simulate", "--model", "motor.toml", "--plan", "plan.toml", "--out", "sim")
-        answer("import", ROOT / "sim/tests/data/rcbenchmark.csv", "--out", "real")
+        answer("import", ROOT / "sim/records/tests/data/rcbenchmark.csv", "--out", "real")
 
     @classmethod
     def tearDownClass(cls):

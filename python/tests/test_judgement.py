@@ -7,7 +7,7 @@ import rotorlead
 from stand import ROOT, Stand, answer
 
 DATA = pathlib.Path(os.environ.get("ROTORLEAD_DATA", ROOT / "../shared/data"))
-OWN = ROOT / "sim/tests/data"
+OWN = ROOT / "sim/records/tests/data"
 STAIRCASE = ("--excitation", "staircase")
 DUTY = (*STAIRCASE, "--column", "command=command:duty")
 LOGS = [

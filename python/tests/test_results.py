@@ -41,7 +41,7 @@ class Identify(Stand):
             self.assert_same(rotorlead.identify(folder), answer("identify", "real", "--out", "a.toml"), OF_IDENTIFY)
 
     def test_the_chirps_of_an_autopilots_log(self):
-        answer("import", ROOT / "sim/tests/data/chirp.bin", "--out", "chirps")
+        answer("import", ROOT / "sim/records/tests/data/chirp.bin", "--out", "chirps")
         found = rotorlead.identify("chirps")
         self.assert_same(found, answer("identify", "chirps", "--out", "a.toml"), OF_IDENTIFY)
         self.assertTrue(found["frequency_responses"])

@@ -11,7 +11,7 @@ use rotorlead_records::import::{Import, ImportOptions, import_bytes};
 /// A sample log of the importers' tests.
 macro_rules! sample {
     ($name:literal) => {
-        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/", $name))
     };
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::stand::{MODEL, PLAN, Stand};
 
-const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data");
 
 /// Commands that read an experiment.
 const READ_EXPERIMENT: [&str; 2] = ["identify stand --out found.toml", "validate stand --model model.toml"];

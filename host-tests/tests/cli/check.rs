@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::stand::{Stand, report};
 
-const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data");
 
 /// Two levels with a multisine and a square wave each, as `good`.
 fn good() -> Stand {

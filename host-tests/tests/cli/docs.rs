@@ -49,12 +49,12 @@ const fn page(file: &'static str, commands: usize) -> Page {
 
 /// What autopilots logged.
 const AUTOPILOT_LOGS: &[(&str, &str)] =
-    &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
+    &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
 const PAGES: [Page; 16] = [
-    Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
-    Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
+    Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
+    Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),

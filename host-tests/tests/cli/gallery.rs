@@ -202,7 +202,7 @@ fn run_row(row: &[Case], folder: PathBuf) -> Vec<Shown> {
     stand.write("hammer/experiment.toml", HAMMER);
     stand.write("hammer/blow.csv", blow());
     for log in LOGS {
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data").join(log);
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/records/tests/data").join(log);
         fs::copy(source, stand.path(log)).unwrap();
     }
     row.iter().enumerate().map(|(place, case)| show(&stand, place, case)).collect()

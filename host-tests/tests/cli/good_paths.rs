@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::gallery;
 use crate::stand::{Stand, report, table_1};
 
-const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data");
 
 /// A stand on which the plan was simulated, as `sim`.
 fn simulated() -> Stand {

@@ -195,7 +195,7 @@ fn what_import_cannot_know_or_do_is_refused() {
     }
     stand.run(SQUARE);
     stand.refuses(SQUARE, 1, &["u050_square.csv"]);
-    let mat = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/vectors.mat");
+    let mat = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/vectors.mat");
     let import = format!("import {mat} --column time=t:s --out other");
     stand.refuses(&import, 2, &["--column does not go with", "vectors.mat", "leave --column out"]);
 }
@@ -299,7 +299,7 @@ fn a_log_without_its_command_leads_to_align() {
     );
 }
 
-const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data");
 
 #[test]
 fn the_chirp_of_an_autopilot_gives_a_model_and_its_frequency_response() {

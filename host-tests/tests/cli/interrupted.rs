@@ -150,7 +150,8 @@ fn clear(before: &[(std::path::PathBuf, Option<Vec<u8>>)], after: &[(std::path::
 /// A log of another tool that takes a while to import.
 #[cfg(unix)]
 fn long_log() -> String {
-    let short = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/rcbenchmark.csv")).unwrap();
+    let short =
+        fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/rcbenchmark.csv")).unwrap();
     let mut log = short.lines().next().unwrap().to_owned() + "\n";
     for row in 0..200_000 {
         let (time_s, pulse_us) = (f64::from(row) / 1000.0, 1200 + 200 * (row / 2000 % 2));
@@ -177,7 +178,7 @@ pub fn with_little_room(stand: &Stand, blocks: u32, arguments: &str) -> (Option<
 fn a_file_for_which_there_is_no_room_is_named_and_no_part_of_it_stays() {
     let stand = Stand::new();
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
-    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/esc32.csv");
     for (arguments, name) in [
         ("simulate --model model.toml --plan plan.toml --out full", "full/u050_multisine.csv"),
         (&format!("import {log} --out full")[..], "full/"),
@@ -246,7 +247,7 @@ fn a_full_device_is_named() {
 fn a_closed_pipe_is_no_failure_of_any_command() {
     let stand = Stand::new();
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
-    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/esc32.csv");
     for arguments in [
         "excite --band 0.1..2 --rate 100 --starts 1",
         "check sim",

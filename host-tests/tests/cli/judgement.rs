@@ -13,7 +13,7 @@ const SOON_DIAGNOSED: usize = 300_000;
 
 /// Logs with how they are imported.
 fn logs() -> Vec<(PathBuf, &'static str)> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data");
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/records/tests/data");
     let mut logs = vec![
         (own.join("rcbenchmark.csv"), ""),
         (own.join("esc32.csv"), "--excitation staircase"),
@@ -34,7 +34,7 @@ fn logs() -> Vec<(PathBuf, &'static str)> {
 
 /// Logs and experiments, whatever they hold: every file of the tests' data but the descriptions, and every folder with one.
 fn all_records() -> Vec<PathBuf> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data");
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/records/tests/data");
     let found = [Some(own), host_tests::data("")].into_iter().flatten().flat_map(|folder| everything(&folder));
     let is_record = |path: &PathBuf| match path.extension() {
         Some(end) => end != "toml" && end != "md",

@@ -5,8 +5,8 @@ use crate::stand::Stand;
 #[test]
 fn a_log_in_the_place_of_a_model_leads_to_the_command_that_makes_one() {
     let stand = Stand::new();
-    stand.write("log.csv", include_str!("../../../sim/tests/data/rcbenchmark.csv"));
-    stand.write("log.bin", include_bytes!("../../../sim/tests/data/bench.bin"));
+    stand.write("log.csv", include_str!("../../../sim/records/tests/data/rcbenchmark.csv"));
+    stand.write("log.bin", include_bytes!("../../../sim/records/tests/data/bench.bin"));
     let commands = [
         "design @ --out c.toml",
         "bandwidth @",
@@ -37,7 +37,7 @@ fn a_slip_in_a_model_is_shown_in_its_place_whatever_the_file_is_called() {
 #[test]
 fn a_log_in_the_place_of_an_experiment_leads_to_the_command_that_judges_it() {
     let stand = Stand::new();
-    stand.write("log.csv", include_str!("../../../sim/tests/data/rcbenchmark.csv"));
+    stand.write("log.csv", include_str!("../../../sim/records/tests/data/rcbenchmark.csv"));
     let judges = "`rotorlead identify log.csv` judges it";
     stand.refuses("validate log.csv --model model.toml", 1, &["`log.csv` is not a folder", judges]);
     let refused = stand.command("check log.csv --quiet").assert().code(1);

@@ -286,7 +286,7 @@ fn good() -> Stand {
     }
     stand.write("fleet/fleet.csv", "log,motor,date\na,M1,2026-01-15\nb,M1,2026-02-15\nc,M2,2026-02-15\n");
     for log in ["rcbenchmark.csv", "esc32.csv", "vectors.mat", "blackbox.bbl"] {
-        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data").join(log);
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/records/tests/data").join(log);
         stand.write(log, fs::read(data).unwrap());
     }
     stand

@@ -138,7 +138,7 @@ fn the_json_file_and_standard_output_are_the_same_and_the_text_stays() {
 #[test]
 fn nothing_but_json_is_on_standard_output_of_any_command() {
     let stand = Stand::new();
-    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/esc32.csv");
     for arguments in [
         "simulate --model model.toml --plan plan.toml --out sim",
         "identify sim --out found.toml",

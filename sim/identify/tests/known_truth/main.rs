@@ -1,0 +1,11 @@
+//! Identification of records whose truth is known. One program, since each takes seconds to link.
+
+mod alignment;
+mod chirps;
+mod holds;
+mod hum;
+mod plausibility;
+mod static_map;
+mod steps;
+mod steps_in_bad_logs;
+mod validate;

@@ -1,0 +1,10 @@
+//! Logs of other tools, taken as experiments. One program, since each takes seconds to link.
+
+mod blackbox;
+mod dataflash;
+mod importing;
+mod known;
+mod mat;
+mod odd;
+mod plain;
+mod ulog;
