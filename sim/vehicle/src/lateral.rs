@@ -71,7 +71,9 @@ impl Allocation {
 /// The lateral force at every tick of 5 kHz, newtons, for the commanded force `command_n` of a time in seconds.
 #[must_use]
 pub fn force_n(
-    (airframe, rotor, actuator): (&Airframe, &Rotor, &Actuator),
+    airframe: &Airframe,
+    rotor: &Rotor,
+    actuator: &Actuator,
     allocation: &Allocation,
     duration_s: f64,
     command_n: impl Fn(f64) -> f64,
@@ -100,14 +102,16 @@ pub fn force_n(
 /// Rise and tracking of the airframe's step and sine.
 #[must_use]
 pub fn performance(
-    vehicle: (&Airframe, &Rotor, &Actuator),
+    airframe: &Airframe,
+    rotor: &Rotor,
+    actuator: &Actuator,
     lateral: &Lateral,
     allocation: &Allocation,
 ) -> ForcePerformance {
-    let step = force_n(vehicle, allocation, TRANSIENT_S, |_| lateral.step_n);
+    let step = force_n(airframe, rotor, actuator, allocation, TRANSIENT_S, |_| lateral.step_n);
     let sine = |time_s: f64| lateral.sine_n * (TAU * lateral.sine_hz * time_s).sin();
     let duration_s = TRANSIENT_S + PERIODS / lateral.sine_hz;
-    let followed = force_n(vehicle, allocation, duration_s, sine);
+    let followed = force_n(airframe, rotor, actuator, allocation, duration_s, sine);
     let compared = (TRANSIENT_S * TICK_HZ).round() as usize;
     let ends = followed.iter().enumerate().skip(compared);
     let (mut error, mut command) = (0.0, 0.0);
@@ -140,7 +144,7 @@ mod tests {
         let (airframe, rotor) = (Airframe::default(), Rotor::new(nominal_model).unwrap());
         let all = designed(&airframe, nominal_model, &rotor).unwrap();
         let actuator = all.into_iter().flatten().find(|one| one.kind == kind).unwrap();
-        performance((&airframe, &rotor, &actuator), &lateral(), &Allocation::new(&lateral()).unwrap())
+        performance(&airframe, &rotor, &actuator, &lateral(), &Allocation::new(&lateral()).unwrap())
     }
 
     #[test]

@@ -143,9 +143,8 @@ pub fn study(airframe: &Airframe, model: &Model, progress: &(dyn Fn() + Sync)) -
     let latencies = case.at_latencies(&actuators);
     let lateral = allocation.map_or_else(Vec::new, |(lateral, allocation)| {
         let row = |actuator: &Actuator| {
-            let vehicle = (airframe, &rotor, actuator);
-            let performance = performance(vehicle, lateral, &allocation);
-            let step = force_n(vehicle, &allocation, DRAWN_FORCE_S, |_| lateral.step_n);
+            let performance = performance(airframe, &rotor, actuator, lateral, &allocation);
+            let step = force_n(airframe, &rotor, actuator, &allocation, DRAWN_FORCE_S, |_| lateral.step_n);
             progress();
             ForceRow { actuator: actuator.kind, performance, step: drawn(&step, DRAWN_FORCE_S, 1.0) }
         };

@@ -67,7 +67,7 @@ pub(crate) fn columns(source: &SourceRecord, output: Output, rows: Range<usize>)
 }
 
 /// The columns of a record that does not repeat.
-pub(crate) fn channels(source: &SourceRecord, output: Output, (rows, blocks): (Range<usize>, &Blocks)) -> Vec<Channel> {
+pub(crate) fn channels(source: &SourceRecord, output: Output, rows: Range<usize>, blocks: &Blocks) -> Vec<Channel> {
     let channel = |(column, measured): (Column, Vec<f64>)| Channel { column, measured: blocks.means(&measured) };
     columns(source, output, rows).into_iter().map(channel).collect()
 }

@@ -321,7 +321,7 @@ impl Record {
             time_s: blocks.means(time_s).into(),
             measured: measured.into(),
             log: Some(Arc::new(log)),
-            channels: channels(source, output, (rows, &blocks)),
+            channels: channels(source, output, rows, &blocks),
             auxiliary_channels: Vec::new(),
         })
     }

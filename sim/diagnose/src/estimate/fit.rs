@@ -60,7 +60,8 @@ pub(crate) fn fit_behind(
     likelihood: &Likelihood,
     start: &Hypothesis,
     lags: bool,
-    (behind, most_steps): (f64, usize),
+    behind: f64,
+    most_steps: usize,
 ) -> Option<Fit> {
     let enough = ENOUGH.max(2.0 * behind / most_steps as f64);
     search(likelihood, start, start.coordinates(lags), Pace { most_steps, enough })

@@ -49,7 +49,8 @@ fn priors(likelihood: &Likelihood, hypothesis: &Hypothesis, coordinates: &[Coord
 pub(crate) fn columns(
     record: &Record,
     hypothesis: &Hypothesis,
-    (coordinates, effect_step): (&[Coordinate], f64),
+    coordinates: &[Coordinate],
+    effect_step: f64,
     (at, by_gain): (&[Complex64], impl Fn() -> Option<Vec<Complex64>>),
     white: impl Fn(&Hypothesis) -> Option<Vec<Complex64>>,
 ) -> Option<Vec<(usize, Vec<Complex64>)>> {
@@ -113,7 +114,7 @@ impl Linearization {
                 let white = |hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Train);
                 let left = white(hypothesis)?;
                 let by_gain = || likelihood.for_record(record).by_gain(hypothesis, Split::Train, &left);
-                let columns = columns(record, hypothesis, (&coordinates, effect_step), (&left, by_gain), white)?;
+                let columns = columns(record, hypothesis, &coordinates, effect_step, (&left, by_gain), white)?;
                 Some(RecordJacobian { columns, left })
             })
             .collect();
@@ -197,11 +198,13 @@ impl Linearization {
     /// The sum of squares that `hypothesis` would leave after a fit of all that the linearization knows, to first order, and the
     /// hypothesis moved there.
     pub fn predict(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
-        self.follow(hypothesis, self.slope(likelihood, hypothesis)?)
+        let (sum, gradient) = self.slope(likelihood, hypothesis)?;
+        self.follow(hypothesis, sum, &gradient)
     }
 
-    pub fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
-        let step = damped_step(&self.matrix, &gradient, &floored_diagonal(&self.matrix), 1e-9)?;
+    /// The same from the sum of squares at `hypothesis` and half its derivatives.
+    pub fn follow(&self, hypothesis: &Hypothesis, sum: f64, gradient: &DVector<f64>) -> Option<(f64, Hypothesis)> {
+        let step = damped_step(&self.matrix, gradient, &floored_diagonal(&self.matrix), 1e-9)?;
         let left = sum + gradient.dot(&step);
         // The linearization holds nearby only.
         Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))

@@ -40,7 +40,8 @@ struct RecordContribution {
 /// Minus twice the log likelihood of what `white` makes of these records, but for a constant. `None` where the fit is impossible there.
 pub(crate) fn white_deviance(
     unseen: &[&Record],
-    (fit, most_steps): (&Fit, usize),
+    fit: &Fit,
+    most_steps: usize,
     white: impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
 ) -> Option<f64> {
     let count = fit.coordinates.len();
@@ -56,8 +57,8 @@ pub(crate) fn white_deviance(
         }
         let of_record = |record: &&Record| {
             let at = white(record, &hypothesis)?;
-            let by = (&fit.coordinates[..], EFFECT_STEP);
-            let columns = columns(record, &hypothesis, by, (&at, || None), |hypothesis| white(record, hypothesis))?;
+            let white = |hypothesis: &Hypothesis| white(record, hypothesis);
+            let columns = columns(record, &hypothesis, &fit.coordinates, EFFECT_STEP, (&at, || None), white)?;
             let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
             let products =
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
@@ -105,7 +106,7 @@ mod tests {
     fn deviance(likelihood: &Likelihood, fit: &Fit, most_steps: usize) -> Option<f64> {
         let held_out = likelihood.compared(Split::Holdout);
         let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
-        white_deviance(&held_out, (fit, most_steps), white)
+        white_deviance(&held_out, fit, most_steps, white)
     }
 
     /// Lags that were fitted to quiet records, beside loud ones that are held out.
@@ -137,10 +138,10 @@ mod tests {
         };
         let promised = deviance(&likelihood, &fit, 1);
         assert!(promised.is_some());
-        assert_eq!(white_deviance(&held_out, (&fit, STEPS), white), promised);
+        assert_eq!(white_deviance(&held_out, &fit, STEPS, white), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(white_deviance(&held_out, (&fit, STEPS), |_, _| None), None);
+        assert_eq!(white_deviance(&held_out, &fit, STEPS, |_, _| None), None);
     }
 
     #[test]

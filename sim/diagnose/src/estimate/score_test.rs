@@ -90,14 +90,14 @@ impl<'a> ScoreTest<'a> {
         if aligned {
             (with.time_offset_s, quick.time_offset_s) = (0.0, 0.0);
         }
-        let slope = self.linearization.white_slope(likelihood, &with, |place, record| {
+        let (sum, gradient) = self.linearization.white_slope(likelihood, &with, |place, record| {
             let mut left = likelihood.residual(record, &quick, Split::Train)?;
             if let Some(offset) = chain.offsets.get(place) {
                 left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
             }
             Some(left)
         })?;
-        self.linearization.follow(&with, slope)
+        self.linearization.follow(&with, sum, &gradient)
     }
 }
 

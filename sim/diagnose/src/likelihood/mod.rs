@@ -309,7 +309,7 @@ impl Likelihood {
             let Some(log) = record.log.as_ref().filter(|log| !log.has_role) else { continue };
             let RecordWeights::Plateaus(own) = &*self.weights[record.place] else { continue };
             let assigned =
-                own.assigned(|group| if is_fitted(split, (log, place), group) { Split::Train } else { Split::Holdout });
+                own.assigned(|group| if is_fitted(split, log, place, group) { Split::Train } else { Split::Holdout });
             fitted += assigned.count(Split::Train);
             held_out += assigned.count(Split::Holdout);
             fold.weights[record.place] = Arc::new(RecordWeights::Plateaus(assigned));

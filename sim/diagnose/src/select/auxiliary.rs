@@ -24,7 +24,7 @@ pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<
     };
     let of_record = |record: &&Record| beside(record, &fits.first()?.hypothesis);
     let numbers: f64 = records.iter().filter_map(of_record).flatten().map(|column| column.numbers).sum();
-    let squares: Option<Vec<f64>> = fits.iter().map(|fit| white_deviance(&records, (fit, STEPS), white)).collect();
+    let squares: Option<Vec<f64>> = fits.iter().map(|fit| white_deviance(&records, fit, STEPS, white)).collect();
     (!records.is_empty()).then(|| Some(gains(&squares?, numbers))).flatten()
 }
 

@@ -107,8 +107,8 @@ impl Search<'_> {
     /// A joint fit that goes on, for what is `behind` the best.
     pub fn further(&self, start: &Hypothesis, behind: f64) -> Option<Member> {
         (self.progress)();
-        let pace = (behind.max(0.0) + CATCH_UP, NEXT);
-        fit_behind(&self.likelihood, start, self.lags, pace).map(|fit| self.member(fit))
+        let catch_up = behind.max(0.0) + CATCH_UP;
+        fit_behind(&self.likelihood, start, self.lags, catch_up, NEXT).map(|fit| self.member(fit))
     }
 
     /// Joint fits of the kinds that promise enough beside `from`.

@@ -147,7 +147,7 @@ impl Search<'_> {
                 .filter(|kind| self.likelihood.data.can_show(kind))
                 .map(|kind| {
                     (self.progress)();
-                    self.looked((&all, first.as_ref()), &scan, near, kind)
+                    self.looked(&all, first.as_ref(), &scan, near, kind)
                 })
                 .collect();
             looked.sort_by(|a, b| b.promise().total_cmp(&a.promise()));
@@ -177,7 +177,8 @@ impl Search<'_> {
     /// The starts of a kind, looked at by `first` where that is there and shows it, and else by `all`.
     fn looked<'a, 'b, 'c>(
         &self,
-        (all, first): (&'c Look<'a, 'b>, Option<&'c Look<'a, 'b>>),
+        all: &'c Look<'a, 'b>,
+        first: Option<&'c Look<'a, 'b>>,
         scan: &Scan,
         from: &Fit,
         kind: &'static Kind,

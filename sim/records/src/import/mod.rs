@@ -174,8 +174,8 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
         Reader::Table { is_header, is_stand } if is_header(&plain.table.header) => Some((format, is_stand)),
         _ => None,
     };
-    let format = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, false));
-    plain::take_table(plain, options, format)
+    let (format, is_stand) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, false));
+    plain::take_table(plain, options, format, is_stand)
 }
 
 /// What a format's reader hands over: columns of equal length, and how they came about.

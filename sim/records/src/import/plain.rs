@@ -39,7 +39,8 @@ const MOST_N: f64 = 10_000.0;
 pub(super) fn take_table(
     mut plain: PlainTable<'_>,
     options: &ImportOptions,
-    (format, is_stand): (&'static LogFormat, bool),
+    format: &'static LogFormat,
+    is_stand: bool,
 ) -> Result<Taken, ImportError> {
     let mut notes = take(&mut plain.notes);
     let mut list = ColumnList::new(&plain.table);

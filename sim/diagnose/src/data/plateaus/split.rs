@@ -60,7 +60,7 @@ impl StepSplit {
 const CUT_FROM: usize = 4;
 
 /// Whether a split fits a group of a log, which has this place among the records.
-pub(crate) fn is_fitted(split: StepSplit, (log, place): (&LogGroups, usize), group: &Group) -> bool {
+pub(crate) fn is_fitted(split: StepSplit, log: &LogGroups, place: usize, group: &Group) -> bool {
     if log.groups.len() < CUT_FROM { whole(split, &log.groups, place) } else { part(split, group) }
 }
 
