@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rotorlead_answer::Report;
-use rotorlead_assess::fleet::{Log, LogPoint, Quantity, compare};
+use rotorlead_assess::fleet::{FleetMember, LogPoint, Quantity, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
@@ -41,7 +41,7 @@ pub struct Fleet {
 /// A log, read.
 struct Read {
     row: FleetRow,
-    log: Log,
+    log: FleetMember,
     output: Option<Output>,
 }
 
@@ -59,7 +59,7 @@ impl Fleet {
         let list = FleetList::read(&self.fleet)?;
         let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect();
         let output = common_output(&read)?;
-        let (rows, logs): (Vec<FleetRow>, Vec<Log>) = read.into_iter().map(|read| (read.row, read.log)).unzip();
+        let (rows, logs): (Vec<FleetRow>, Vec<FleetMember>) = read.into_iter().map(|read| (read.row, read.log)).unzip();
         let [time_constants, gains] = [Quantity::TimeConstant, Quantity::Gain].map(|quantity| compare(&logs, quantity));
         let (time_constants, gains) = (time_constants.map_err(self.few(&logs))?, gains.map_err(self.few(&logs))?);
 
@@ -71,7 +71,7 @@ impl Fleet {
         Ok(Outcome::from_answer(&answer, &written))
     }
 
-    fn few<E: std::error::Error + Send + Sync + 'static>(&self, logs: &[Log]) -> impl Fn(E) -> miette::Report {
+    fn few<E: std::error::Error + Send + Sync + 'static>(&self, logs: &[FleetMember]) -> impl Fn(E) -> miette::Report {
         let with_model = logs.iter().filter(|log| !log.points.is_empty()).count();
         let (fleet, count) = (self.fleet.display().to_string(), logs.len());
         let help = if with_model < count {
@@ -112,7 +112,7 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
             date: listed.date.map_or_else(String::new, |date| date.to_string()),
             note: notes.join(", "),
         },
-        log: Log { motor: listed.motor.clone(), day: listed.day(), points },
+        log: FleetMember { motor: listed.motor.clone(), day: listed.day(), points },
         output,
     }
 }

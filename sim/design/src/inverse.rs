@@ -103,7 +103,7 @@ pub struct DesignedInverse {
 
 /// A time constant with what the records say of it.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct KnownTimeConstant {
     command: f64,
     tau_s: f64,
     /// The shortest that the records allow, at 95 %.
@@ -124,7 +124,9 @@ pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<Designe
     let settings = options.setting.map_or_else(|| vec![Setting::Exact, Setting::Robust], |setting| vec![setting]);
     let over = |setting: Setting| {
         let omega = options.omega_f_rad_s.unwrap_or(setting.omega_f_rad_s());
-        let of = |known: &Known| (known.command, over_reference(omega, setting.part() * known.tau_s, known.low_s));
+        let of = |known: &KnownTimeConstant| {
+            (known.command, over_reference(omega, setting.part() * known.tau_s, known.low_s))
+        };
         known.iter().map(of).fold((0.0, 0.0), |worst, here| if here.1 > worst.1 { here } else { worst })
     };
     let judged: Vec<(Setting, (f64, f64))> = settings.into_iter().map(|setting| (setting, over(setting))).collect();
@@ -162,23 +164,27 @@ fn over_reference(omega_f_rad_s: f64, table_s: f64, tau_s: f64) -> f64 {
 }
 
 /// The time constants of a model with the lower ends of their intervals, in order of the command.
-fn known(model: &Model) -> Vec<Known> {
-    let mut known: Vec<Known> = match &model.time_constant_curve {
+fn known(model: &Model) -> Vec<KnownTimeConstant> {
+    let mut known: Vec<KnownTimeConstant> = match &model.time_constant_curve {
         Some(band) => {
             // The table has the faster direction.
             let is_effect = model.effects.iter().any(|effect| effect.kind == "asymmetric_lag");
             let ratio = band.down_over_up.filter(|_| !is_effect);
             let faster = ratio.map_or(1.0, |ratio| 0.5 * (1.0 + ratio.min(1.0 / ratio)));
             let rows = band.nominal.iter().zip(&band.time_constant_s).zip(&band.low_s);
-            rows.map(|((&command, &tau_s), &low_s)| Known { command, tau_s: faster * tau_s, low_s: faster * low_s })
-                .collect()
+            rows.map(|((&command, &tau_s), &low_s)| KnownTimeConstant {
+                command,
+                tau_s: faster * tau_s,
+                low_s: faster * low_s,
+            })
+            .collect()
         }
         None => {
             let of = |point: &Point| {
                 let tau_s = point.time_constant_s;
                 // A ratio is what is known of a time constant, and keeps it above zero.
                 let share = point.time_constant_s_std.map_or(0.0, |std| std / tau_s);
-                Known { command: point.nominal, tau_s, low_s: tau_s * (-STANDARD_ERRORS * share).exp() }
+                KnownTimeConstant { command: point.nominal, tau_s, low_s: tau_s * (-STANDARD_ERRORS * share).exp() }
             };
             model.points.iter().map(of).collect()
         }
@@ -214,7 +220,11 @@ fn time_constant_factor(effect: &Effect) -> (f64, f64) {
 }
 
 /// The curve of a setting, over all commands.
-fn curve(known: &[Known], (first, last): (Known, Known), setting: Setting) -> Vec<CurvePoint> {
+fn curve(
+    known: &[KnownTimeConstant],
+    (first, last): (KnownTimeConstant, KnownTimeConstant),
+    setting: Setting,
+) -> Vec<CurvePoint> {
     let part = setting.part();
     let point = |command: f64, tau_s: f64| CurvePoint { command, tau_s: part * tau_s };
     let inside = thinned(known);
@@ -233,7 +243,7 @@ fn decimal(command: f64) -> f64 {
 }
 
 /// As many points as the controller's table has beside those beyond the ends.
-fn thinned(known: &[Known]) -> Vec<Known> {
+fn thinned(known: &[KnownTimeConstant]) -> Vec<KnownTimeConstant> {
     const MOST: usize = TABLE_POINTS - 3;
     if known.len() <= MOST {
         return known.to_vec();

@@ -37,7 +37,7 @@ pub(super) fn fit(law: ThrustLaw, levels: &[(f64, f64)], (low, high): (f64, f64)
     }
     let shares: Vec<(f64, f64)> =
         levels.iter().map(|(command, thrust)| ((command - low) / (high - low), thrust / full)).collect();
-    let problem = Problem { law, levels: &shares, has_offset };
+    let problem = ThrustLawFit { law, levels: &shares, has_offset };
     let start = [0.0, 1.0, 0.0];
     let solution = minimize(&problem, &start[..parameters], Limits::default()).filter(|found| found.converged);
     let (solution, covariance) = solution
@@ -55,13 +55,13 @@ pub(super) fn fit(law: ThrustLaw, levels: &[(f64, f64)], (low, high): (f64, f64)
 }
 
 /// Shares of the highest thrust at shares of the motor output; parameters are the law's, the span and the offset.
-struct Problem<'a> {
+struct ThrustLawFit<'a> {
     law: ThrustLaw,
     levels: &'a [(f64, f64)],
     has_offset: bool,
 }
 
-impl Residuals for Problem<'_> {
+impl Residuals for ThrustLawFit<'_> {
     fn count(&self) -> usize {
         self.levels.len()
     }

@@ -83,7 +83,7 @@ pub fn stack_parameters(
     let maps = Maps::from_model(model, experiment);
     // A stack without one has no parameter that depends on it.
     let range = options.output_range.or(stack.output_range()).unwrap_or((0.0, 1.0));
-    let known = Known { model, maps, at: options.at, range };
+    let known = KnownMotor { model, maps, at: options.at, range };
     let (mut parameters, mut refused) = (Vec::new(), Vec::new());
     for definition in stack.definitions() {
         match known.raw(definition.quantity).and_then(|raw| raw.in_units(definition)) {
@@ -95,7 +95,7 @@ pub fn stack_parameters(
 }
 
 /// What is known of the motor, and where it is asked for.
-struct Known<'a> {
+struct KnownMotor<'a> {
     model: &'a Model,
     maps: Maps,
     at: Option<f64>,
@@ -103,7 +103,7 @@ struct Known<'a> {
 }
 
 /// A quantity in SI units.
-struct Raw {
+struct RawParameter {
     band: Band,
     at: Option<f64>,
     measured: (f64, f64),
@@ -111,8 +111,8 @@ struct Raw {
     notes: Vec<String>,
 }
 
-impl Known<'_> {
-    fn raw(&self, quantity: Quantity) -> Result<Raw, String> {
+impl KnownMotor<'_> {
+    fn raw(&self, quantity: Quantity) -> Result<RawParameter, String> {
         match quantity {
             Quantity::ThrustCurve(law) => self.thrust_curve(law),
             Quantity::TimeConstant => self.lag(|lag| Ok(lag.time_constant_s)),
@@ -122,18 +122,18 @@ impl Known<'_> {
             Quantity::TopSpeed => {
                 let (band, command) = rotor::top_speed_rad_s(&self.maps, self.range)?;
                 let measured = (command, command);
-                Ok(Raw { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() })
+                Ok(RawParameter { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() })
             }
             Quantity::MotorConstant => {
                 let found = rotor::motor_constant(&self.maps)?;
                 let worst_error_percent = Some(found.worst_error_percent);
                 let (band, measured) = (found.n_per_rad2_s2, found.measured);
-                Ok(Raw { band, at: None, measured, worst_error_percent, notes: Vec::new() })
+                Ok(RawParameter { band, at: None, measured, worst_error_percent, notes: Vec::new() })
             }
         }
     }
 
-    fn lag(&self, band: impl Fn(Lag) -> Result<Band, String>) -> Result<Raw, String> {
+    fn lag(&self, band: impl Fn(Lag) -> Result<Band, String>) -> Result<RawParameter, String> {
         let lag = Lag::from_model(self.model, self.at)?;
         let mut notes = Vec::new();
         if self.at.is_none() {
@@ -144,10 +144,16 @@ impl Known<'_> {
         if lag.delay_s > 0.0 {
             notes.push(format!("a dead time of {:.1} ms is beside it, and not in it", 1e3 * lag.delay_s));
         }
-        Ok(Raw { band: band(lag)?, at: Some(lag.at), measured: lag.measured, worst_error_percent: None, notes })
+        Ok(RawParameter {
+            band: band(lag)?,
+            at: Some(lag.at),
+            measured: lag.measured,
+            worst_error_percent: None,
+            notes,
+        })
     }
 
-    fn thrust_curve(&self, law: ThrustLaw) -> Result<Raw, String> {
+    fn thrust_curve(&self, law: ThrustLaw) -> Result<RawParameter, String> {
         let (low, high) = self.range;
         let (map, is_speed) = match (&self.maps.thrust_n, &self.maps.rpm) {
             (Some(map), _) => (map, false),
@@ -175,7 +181,7 @@ impl Known<'_> {
         if is_speed {
             notes.push(String::from("no thrust was measured: it is taken to go with the square of the rotor speed"));
         }
-        Ok(Raw {
+        Ok(RawParameter {
             band: Band::from_estimate(found.parameter),
             at: None,
             measured: found.measured,
@@ -185,7 +191,7 @@ impl Known<'_> {
     }
 }
 
-impl Raw {
+impl RawParameter {
     /// The parameter in its stack's unit, whole where the stack wants it so; refused beyond what the stack takes.
     fn in_units(mut self, definition: &'static Definition) -> Result<Parameter, String> {
         let Band { value: exact, low, high } = self.band.times(definition.scale);

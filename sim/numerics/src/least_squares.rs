@@ -98,7 +98,7 @@ pub enum Damping {
 
 /// Where a search ended.
 #[derive(Clone, Debug)]
-pub struct Found<P, L> {
+pub struct SearchEnd<P, L> {
     /// The best point.
     pub at: P,
     /// The last linearization: at the point, or one step before it where Jacobians serve for several steps.
@@ -114,7 +114,7 @@ pub fn search<N: NormalEquations>(
     model: &N,
     start: N::Point,
     strategy: &Strategy,
-) -> Option<Found<N::Point, N::Linearization>> {
+) -> Option<SearchEnd<N::Point, N::Linearization>> {
     let mut at = start;
     let mut linearization = model.linearize(&mut at)?;
     let mut sum = model.sum_of_squares(&at);
@@ -167,7 +167,7 @@ pub fn search<N: NormalEquations>(
         sum = model.sum_of_squares(&at);
         gradient = model.gradient(&at, &linearization);
     }
-    Some(Found { at, linearization, converged, iterations })
+    Some(SearchEnd { at, linearization, converged, iterations })
 }
 
 /// `lambda` and `D` as a search has left them.
@@ -338,7 +338,8 @@ pub fn minimize(model: &impl Residuals, start: &[f64], limits: Limits) -> Option
         damping: Damping::GainRatio,
         reuses_jacobian: false,
     };
-    let Found { at, linearization, converged, iterations } = search(&model, model.point(start.to_vec())?, &strategy)?;
+    let SearchEnd { at, linearization, converged, iterations } =
+        search(&model, model.point(start.to_vec())?, &strategy)?;
     let InMemoryJacobian { jacobian, matrix } = linearization;
     Some(Solution {
         parameters: at.parameters,

@@ -30,7 +30,7 @@ type Own = [f64; MOST_TERMS];
 
 /// What is integrated, or how fast it moves.
 #[derive(Clone, Copy, Debug, Default)]
-struct State {
+struct IntegratedState {
     /// Speed, as a command.
     speed: f64,
     /// Lagged response.
@@ -42,7 +42,7 @@ struct State {
 /// How fast the state moves in a moment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slopes {
-    of: State,
+    of: IntegratedState,
     /// One over the time constant of the moment.
     rate_per_s: f64,
 }
@@ -71,7 +71,7 @@ pub struct RotorState {
     linear_per_s: f64,
     /// The part of the time constant that a step may take: [`STEP_PART`], or more.
     step_part: f64,
-    state: State,
+    state: IntegratedState,
     drive: f64,
 }
 
@@ -167,7 +167,13 @@ impl IntegratedRotor {
             RotorBase::Level(_) | RotorBase::Speed(_) => f64::NAN,
         };
         Ok(Self {
-            rotor: RotorState { base, linear_per_s, step_part: STEP_PART, state: State::default(), drive: 0.0 },
+            rotor: RotorState {
+                base,
+                linear_per_s,
+                step_part: STEP_PART,
+                state: IntegratedState::default(),
+                drive: 0.0,
+            },
             terms,
         })
     }
@@ -345,7 +351,7 @@ impl RotorState {
             let k3 = self.derivative(terms, &self.along(&k2, middle_s, count), command(0.5)).of;
             let k4 = self.derivative(terms, &self.along(&k3, duration_s, count), command(1.0)).of;
             let mean = |k1: f64, k2: f64, k3: f64, k4: f64| (k1 + 2.0 * (k2 + k3) + k4) * (1.0 / 6.0);
-            State {
+            IntegratedState {
                 speed: mean(k1.speed, k2.speed, k3.speed, k4.speed),
                 response: mean(k1.response, k2.response, k3.response, k4.response),
                 own: std::array::from_fn(|of| mean(k1.own[of], k2.own[of], k3.own[of], k4.own[of])),
@@ -357,11 +363,11 @@ impl RotorState {
 
     /// The state after `duration_s` at these slopes, with so many states of effects.
     #[inline(always)]
-    fn along(&self, slopes: &State, duration_s: f64, count: usize) -> State {
-        let mut moved = State {
+    fn along(&self, slopes: &IntegratedState, duration_s: f64, count: usize) -> IntegratedState {
+        let mut moved = IntegratedState {
             speed: self.state.speed + duration_s * slopes.speed,
             response: self.state.response + duration_s * slopes.response,
-            ..State::default()
+            ..IntegratedState::default()
         };
         for index in 0..count {
             moved.own[index] = self.state.own[index] + duration_s * slopes.own[index];
@@ -393,18 +399,18 @@ impl RotorState {
     }
 
     #[inline(always)]
-    fn derivative<T: Terms + ?Sized>(&self, terms: &T, state: &State, command: f64) -> Slopes {
+    fn derivative<T: Terms + ?Sized>(&self, terms: &T, state: &IntegratedState, command: f64) -> Slopes {
         let mut motion = self.motion(command, state.speed);
         let own = terms.supply(&state.own, &mut motion);
         terms.pace(&mut motion);
         let rate_per_s = motion.rate_per_s;
         let (speed, response) = (motion.drive - state.speed, self.target(terms, &motion) - state.response);
-        Slopes { of: State { speed: rate_per_s * speed, response: rate_per_s * response, own }, rate_per_s }
+        Slopes { of: IntegratedState { speed: rate_per_s * speed, response: rate_per_s * response, own }, rate_per_s }
     }
 
     /// The response of the moment.
     fn output<T: Terms + ?Sized>(&self, terms: &T) -> f64 {
-        let State { speed, response, .. } = self.state;
+        let IntegratedState { speed, response, .. } = self.state;
         let deviation = speed - self.base.anchor(speed);
         let (response, bent) = match &self.base {
             RotorBase::Speed(curve) => {
@@ -416,7 +422,7 @@ impl RotorState {
     }
 
     /// How fast the response moves where the state moves by `slopes`.
-    fn output_slope<T: Terms + ?Sized>(&self, terms: &T, slopes: &State) -> f64 {
+    fn output_slope<T: Terms + ?Sized>(&self, terms: &T, slopes: &IntegratedState) -> f64 {
         // The bend's slope by a central difference: exact for a parabola, and off by the square of the width for its cubic term.
         let speed = self.state.speed;
         let anchor = self.base.anchor(speed);

@@ -29,13 +29,13 @@ struct Motor<'a> {
 
 /// A log likewise.
 #[derive(Clone, Copy)]
-struct Log<'a> {
+struct RankedLog<'a> {
     row: &'a FleetRow,
     found: [Option<LogDeviation>; 2],
 }
 
 /// What is usual at a command.
-struct Level {
+struct UsualLevel {
     nominal: f64,
     time_constant_s: f64,
     gain: f64,
@@ -51,13 +51,13 @@ pub fn fleet_answer(
 ) -> Answer {
     let both = [time_constants, gains];
     let levels = time_constants.levels.iter().zip(&gains.levels);
-    let levels: Vec<Level> =
-        levels.map(|(&(nominal, time_constant_s), &(_, gain))| Level { nominal, time_constant_s, gain }).collect();
+    let levels: Vec<UsualLevel> =
+        levels.map(|(&(nominal, time_constant_s), &(_, gain))| UsualLevel { nominal, time_constant_s, gain }).collect();
     let motor = |name| Motor { name, found: both.map(|all| all.motors.get(name)) };
     let motors: Vec<Motor> = time_constants.motors.keys().map(|name| motor(name)).collect();
-    let log = |(index, row)| Log { row, found: both.map(|all| all.logs.get(index).copied().flatten()) };
-    let logs: Vec<Log> = rows.iter().enumerate().map(log).collect();
-    let noted: Vec<Log> = logs.iter().filter(|log| !log.note().is_empty()).copied().collect();
+    let log = |(index, row)| RankedLog { row, found: both.map(|all| all.logs.get(index).copied().flatten()) };
+    let logs: Vec<RankedLog> = rows.iter().enumerate().map(log).collect();
+    let noted: Vec<RankedLog> = logs.iter().filter(|log| !log.note().is_empty()).copied().collect();
     let all_logs = Table {
         notes: vec![
             "A deviation is the mean, over the commands that logs share, of how far a log is from the median of all. A score is a \
@@ -84,7 +84,7 @@ pub fn fleet_answer(
                 .map(|level| json!({"nominal": level.nominal, "time_constant_s": level.time_constant_s, "gain": level.gain}))
                 .collect::<Value>(),
             "motors": motors.iter().map(Motor::json).collect::<Value>(),
-            "logs": logs.iter().map(Log::json).collect::<Value>(),
+            "logs": logs.iter().map(RankedLog::json).collect::<Value>(),
         })),
         ..Answer::default()
     }
@@ -128,7 +128,7 @@ impl Motor<'_> {
     }
 }
 
-impl Log<'_> {
+impl RankedLog<'_> {
     fn stands_out(&self) -> bool {
         self.found.iter().flatten().any(LogDeviation::stands_out)
     }
@@ -157,7 +157,7 @@ impl Log<'_> {
     }
 }
 
-fn verdict(motors: &[Motor], logs: &[Log]) -> Verdict {
+fn verdict(motors: &[Motor], logs: &[RankedLog]) -> Verdict {
     let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     let outlying = motors.iter().filter(|motor| motor.is_any(MotorDeviation::stands_out)).count();
     let drifting = motors.iter().filter(|motor| motor.is_any(|found| found.drifts)).count();
@@ -179,11 +179,11 @@ fn verdict(motors: &[Motor], logs: &[Log]) -> Verdict {
 }
 
 /// What is usual at each command, of models of this response.
-fn usual_table(levels: &[Level], output: Option<Output>) -> Table {
+fn usual_table(levels: &[UsualLevel], output: Option<Output>) -> Table {
     let columns = [
-        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |level: &Level| level.nominal),
-        Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &Level| 1e3 * level.time_constant_s),
-        Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &Level| level.gain),
+        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |level: &UsualLevel| level.nominal),
+        Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &UsualLevel| 1e3 * level.time_constant_s),
+        Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &UsualLevel| level.gain),
     ];
     table_of("fleet_usual", "What is usual: medians of all logs", &columns, levels)
 }
@@ -223,24 +223,24 @@ fn motors_table(motors: &[Motor]) -> Table {
 }
 
 /// Each log against the others of its motor.
-fn logs_table(name: &str, which: &str, logs: &[Log]) -> Table {
+fn logs_table(name: &str, which: &str, logs: &[RankedLog]) -> Table {
     let share = |key, heading: &str, place: usize| {
-        Typed::new(key, heading, Unit::PERCENT, 1, move |log: &Log| {
+        Typed::new(key, heading, Unit::PERCENT, 1, move |log: &RankedLog| {
             log.found[place].map(|found| percent(found.deviation))
         })
     };
     let score = |key, place: usize| {
-        Typed::new(key, "score", Unit::NONE, 1, move |log: &Log| log.found[place].and_then(|found| found.score))
+        Typed::new(key, "score", Unit::NONE, 1, move |log: &RankedLog| log.found[place].and_then(|found| found.score))
     };
     let columns = [
-        Typed::words("log", "log", |log: &Log| log.row.log.clone()),
-        Typed::words("motor", "motor", |log: &Log| log.row.motor.clone()),
-        Typed::words("date", "date", |log: &Log| log.row.date.clone()),
+        Typed::words("log", "log", |log: &RankedLog| log.row.log.clone()),
+        Typed::words("motor", "motor", |log: &RankedLog| log.row.motor.clone()),
+        Typed::words("date", "date", |log: &RankedLog| log.row.date.clone()),
         share("time_constant_percent", "tau", 0),
         score("time_constant_score", 0),
         share("gain_percent", "gain", 1),
         score("gain_score", 1),
-        Typed::words("note", "", Log::note),
+        Typed::words("note", "", RankedLog::note),
     ];
     let caption = format!("{which}: how far from the usual, with the score against the motor's other logs");
     table_of(name, caption, &columns, logs)

@@ -161,7 +161,7 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
     let alike = |point: &Point| Point { gain: GAIN_N, gain_std: None, ..point.clone() };
     let points: Vec<Point> = model.points.iter().map(alike).collect();
     let lags = Model { points, static_map: None, effects: Vec::new(), ..model.clone() };
-    let case = Case { airframe: airframe(&lags), rotor: Rotor::new(&lags)?, model: &lags };
+    let case = MotorInVehicle { airframe: airframe(&lags), rotor: Rotor::new(&lags)?, model: &lags };
     let inverses = Actuators::default().inverse_rad_s.into_iter();
     let inverses = inverses.map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
     let (mut designed, mut refused) = (vec![(ActuatorKind::None, None)], Vec::new());
@@ -216,13 +216,13 @@ fn airframe(model: &Model) -> Airframe {
 }
 
 /// A motor in the vehicle.
-struct Case<'a> {
+struct MotorInVehicle<'a> {
     airframe: Airframe,
     rotor: Rotor,
     model: &'a Model,
 }
 
-impl Case<'_> {
+impl MotorInVehicle<'_> {
     /// What `rotorlead design` makes of the model.
     fn designed(&self, kind: ActuatorKind, asked: &Asked) -> Result<Option<CompensatorDesign>, CompensatorError> {
         Ok(match design_options(kind, asked) {

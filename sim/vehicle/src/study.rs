@@ -139,7 +139,7 @@ pub fn study(airframe: &Airframe, model: &Model, progress: &(dyn Fn() + Sync)) -
     let allocation =
         airframe.lateral.as_ref().map(|lateral| Ok::<_, VehicleError>((lateral, Allocation::new(lateral)?)));
     let allocation = allocation.transpose()?;
-    let case = Case { airframe, rotor: &rotor, rule: TuningRule::default(), progress };
+    let case = StudyCase { airframe, rotor: &rotor, rule: TuningRule::default(), progress };
     let latencies = case.at_latencies(&actuators);
     let lateral = allocation.map_or_else(Vec::new, |(lateral, allocation)| {
         let row = |actuator: &Actuator| {
@@ -161,14 +161,14 @@ fn sorted(one: Designed, actuators: &mut Vec<Actuator>, refused: &mut Vec<Refuse
 }
 
 /// What does not change from one actuator to the next.
-struct Case<'a> {
+struct StudyCase<'a> {
     airframe: &'a Airframe,
     rotor: &'a Rotor,
     rule: TuningRule,
     progress: &'a (dyn Fn() + Sync),
 }
 
-impl Case<'_> {
+impl StudyCase<'_> {
     fn at_latencies(&self, actuators: &[Actuator]) -> Vec<AtLatency> {
         let hover = [self.airframe.hover.command];
         let [from, to] = self.airframe.hover.range;

@@ -7,7 +7,7 @@ use rotorlead_numerics::sample::median;
 
 use super::drift::Drift;
 use super::outlying::{OUTLYING_SCORE, scores};
-use super::{FEWEST_LOGS, Log, Quantity, SAME_NOMINAL};
+use super::{FEWEST_LOGS, FleetMember, Quantity, SAME_NOMINAL};
 
 /// The family-wise probability of calling a drift where no motor has one.
 const DRIFT_LEVEL: f64 = 0.05;
@@ -88,7 +88,7 @@ impl std::error::Error for FewLogs {}
 ///
 /// # Errors
 /// [`FewLogs`].
-pub fn compare(logs: &[Log], quantity: Quantity) -> Result<Comparison, FewLogs> {
+pub fn compare(logs: &[FleetMember], quantity: Quantity) -> Result<Comparison, FewLogs> {
     let levels = levels(logs, quantity);
     if levels.is_empty() {
         return Err(FewLogs);
@@ -107,8 +107,8 @@ pub fn compare(logs: &[Log], quantity: Quantity) -> Result<Comparison, FewLogs> 
 }
 
 /// Shared commands, with the median of the logarithm.
-fn levels(logs: &[Log], quantity: Quantity) -> Vec<(f64, f64)> {
-    let of_log = |(number, log): (usize, &'_ Log)| -> Vec<(f64, f64, usize)> {
+fn levels(logs: &[FleetMember], quantity: Quantity) -> Vec<(f64, f64)> {
+    let of_log = |(number, log): (usize, &'_ FleetMember)| -> Vec<(f64, f64, usize)> {
         log.points.iter().map(|point| (point.nominal, point.logarithm(quantity), number)).collect()
     };
     let mut points: Vec<_> = logs.iter().enumerate().flat_map(of_log).collect();
@@ -127,7 +127,7 @@ fn levels(logs: &[Log], quantity: Quantity) -> Vec<(f64, f64)> {
     levels
 }
 
-fn deviation(log: &Log, quantity: Quantity, levels: &[(f64, f64)]) -> Option<f64> {
+fn deviation(log: &FleetMember, quantity: Quantity, levels: &[(f64, f64)]) -> Option<f64> {
     let differences: Vec<f64> = log
         .points
         .iter()
@@ -139,7 +139,7 @@ fn deviation(log: &Log, quantity: Quantity, levels: &[(f64, f64)]) -> Option<f64
     (!differences.is_empty()).then(|| differences.iter().sum::<f64>() / differences.len() as f64)
 }
 
-fn motors(logs: &[Log], deviations: &[Option<f64>]) -> BTreeMap<String, MotorDeviation> {
+fn motors(logs: &[FleetMember], deviations: &[Option<f64>]) -> BTreeMap<String, MotorDeviation> {
     let mut by_motor: BTreeMap<&str, Vec<(Option<f64>, f64)>> = BTreeMap::new();
     for (log, deviation) in logs.iter().zip(deviations) {
         if let Some(deviation) = deviation {
@@ -183,7 +183,11 @@ fn find_drifts(motors: &mut BTreeMap<String, MotorDeviation>) {
 }
 
 /// Each log against the median of its motor's others, which it does not pull to itself.
-fn log_scores(logs: &[Log], deviations: &[Option<f64>], motors: &BTreeMap<String, MotorDeviation>) -> Vec<Option<f64>> {
+fn log_scores(
+    logs: &[FleetMember],
+    deviations: &[Option<f64>],
+    motors: &BTreeMap<String, MotorDeviation>,
+) -> Vec<Option<f64>> {
     let residual = |index: usize| {
         let log = &logs[index];
         let motor = motors.get(&log.motor).filter(|motor| motor.logs >= FEWEST_LOGS)?;

@@ -28,7 +28,7 @@ pub enum Quantity {
 
 /// One log, identified.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Log {
+pub struct FleetMember {
     /// Which motor it is of.
     pub motor: String,
     /// Days since any day that all logs share; `None` where nobody knows.

@@ -5,7 +5,7 @@ use rand_distr::{Distribution as _, Normal};
 use super::*;
 
 /// Motors with so many logs each, one in 30 days; `tau_share` of motor, log and noise is put on the time constants.
-fn fleet(motors: usize, logs: usize, seed: u64, tau_share: impl Fn(usize, usize) -> f64) -> Vec<Log> {
+fn fleet(motors: usize, logs: usize, seed: u64, tau_share: impl Fn(usize, usize) -> f64) -> Vec<FleetMember> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let noise = Normal::new(0.0, 0.02).unwrap();
     let mut all = Vec::new();
@@ -17,7 +17,7 @@ fn fleet(motors: usize, logs: usize, seed: u64, tau_share: impl Fn(usize, usize)
                 time_constant_s: factor * time_constant_s,
                 gain: 10.0,
             };
-            all.push(Log {
+            all.push(FleetMember {
                 motor: format!("M{motor:02}"),
                 day: Some(30.0 * log as f64),
                 points: vec![point(0.4, 0.12), point(0.5, 0.1), point(0.6, 0.08)],
@@ -79,7 +79,7 @@ fn where_nothing_is_wrong_little_is_said_to_be() {
 
 #[test]
 fn logs_at_different_commands_are_not_compared() {
-    let log = |nominal: f64| Log {
+    let log = |nominal: f64| FleetMember {
         motor: "M".into(),
         day: None,
         points: vec![LogPoint { nominal, time_constant_s: 0.1, gain: 1.0 }],

@@ -66,14 +66,14 @@ pub struct Demo {
 }
 
 /// What the stand measured of one actuator, without and with the compensator.
-struct Measured {
+struct MeasuredActuator {
     uncompensated: EtfeBandwidth,
     compensated: EtfeBandwidth,
     /// What the compensated one would be without noise: section, holds and lag in closed form.
     predicted: Bandwidth,
 }
 
-impl Measured {
+impl MeasuredActuator {
     /// Whether what it should be lies in its interval.
     fn holds_its_prediction(&self) -> bool {
         let Some(predicted) = self.predicted.rad_s() else { return false };
@@ -89,17 +89,17 @@ struct Demonstrated<'a> {
     compensator: &'a Section,
     /// By the lags of the paper and its compensator.
     simulated: &'a [BandwidthPoint],
-    measured: &'a [Measured],
+    measured: &'a [MeasuredActuator],
     inverse: &'a InverseDemonstration,
 }
 
 /// What came out, for programs.
 #[derive(Serialize)]
-struct Values<'a> {
+struct DemoJson<'a> {
     points: &'a [Point],
     validation: &'a [RecordValidation],
     compensator: StoredCompensator,
-    bandwidth: Vec<Row>,
+    bandwidth: Vec<BandwidthRow>,
     inverse: Vec<inverse::Row>,
     contradictions: [&'static str; CONTRADICTIONS.len()],
     bode: &'a Path,
@@ -108,7 +108,7 @@ struct Values<'a> {
 
 /// The bandwidths at one nominal command, without and with the compensator.
 #[derive(Serialize)]
-struct Row {
+struct BandwidthRow {
     nominal: f64,
     paper: PaperPair,
     simulated_rad_s: [Bandwidth; 2],
@@ -124,8 +124,8 @@ struct PaperPair {
     measured_rad_s: (f64, f64),
 }
 
-impl Row {
-    fn from_point(paper: &PaperRow, simulated: &BandwidthPoint, measured: &Measured) -> Self {
+impl BandwidthRow {
+    fn from_point(paper: &PaperRow, simulated: &BandwidthPoint, measured: &MeasuredActuator) -> Self {
         let PaperRow { nominal, simulated_rad_s, measured_rad_s, .. } = *paper;
         Self {
             nominal,
@@ -215,12 +215,12 @@ impl Demo {
         let said = Answer { verdict: result.verdict(), ..Answer::default() }.text();
         let detail = said.detail.trim_start().to_owned() + "\n" + &Demonstrated::contradictions();
         let bandwidth = PAPER.iter().zip(&simulated.points).zip(&measured);
-        let values = Values {
+        let values = DemoJson {
             points: &model.points,
             validation: &validated,
             compensator: compensator.stored(),
             bandwidth: bandwidth
-                .map(|((paper, simulated), measured)| Row::from_point(paper, simulated, measured))
+                .map(|((paper, simulated), measured)| BandwidthRow::from_point(paper, simulated, measured))
                 .collect(),
             contradictions: CONTRADICTIONS,
             inverse: inverse.rows(),
@@ -238,13 +238,13 @@ fn measured(
     design: &CompensatorDesign,
     before: &[MeasuredBandwidth],
     after: &[MeasuredBandwidth],
-) -> miette::Result<Vec<Measured>> {
+) -> miette::Result<Vec<MeasuredActuator>> {
     before
         .iter()
         .zip(after)
         .map(|(before, after)| {
             let prediction = Prediction::new(plan, actuators, after.nominal, Some(design))?;
-            Ok(Measured {
+            Ok(MeasuredActuator {
                 uncompensated: before.bandwidth,
                 compensated: after.bandwidth,
                 predicted: compute_bandwidth(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),

@@ -4,7 +4,7 @@
 //! up into the normal equations: memory does not grow with the number of records.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
-use rotorlead_numerics::least_squares::{self, Damping, Decrease, Found, NormalEquations, Strategy};
+use rotorlead_numerics::least_squares::{self, Damping, Decrease, NormalEquations, SearchEnd, Strategy};
 use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_plant::effect::Site;
 
@@ -136,7 +136,7 @@ fn look_around(likelihood: &Likelihood, found: &Descent) -> Option<Hypothesis> {
 }
 
 /// Where a search ended.
-type Descent = Found<FitPoint, Linearization>;
+type Descent = SearchEnd<FitPoint, Linearization>;
 
 /// A hypothesis, its sum of squares, and half the derivatives of it by the last linearization.
 struct FitPoint {

@@ -8,7 +8,7 @@
 
 use std::path::Path;
 
-use super::blackbox_frames::{self, Log, Rows};
+use super::blackbox_frames::{self, BlackboxLog, Rows};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
@@ -29,7 +29,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     // Where the log begins in the file; garbage may lie in front of the first.
     let offset = bytes.len() - logs[number..].iter().map(|log| log.len()).sum::<usize>();
     let damaged = |at: usize, problem| ImportError::Damaged { file: file.into(), offset: offset + at, problem };
-    let log = Log::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
+    let log = BlackboxLog::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
     let number_of_motor = options.motor.unwrap_or(1);
     let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
         file: file.into(),
@@ -116,7 +116,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
 fn refuse_flight(
     file: &Path,
     options: &ImportOptions,
-    log: &Log<'_>,
+    log: &BlackboxLog<'_>,
     (motor, command, range): (usize, usize, (f64, f64)),
     origin_us: i64,
 ) -> Result<(), ImportError> {
@@ -146,7 +146,7 @@ fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<
 }
 
 /// Others write the same container with other units.
-fn check_firmware(file: &Path, log: &Log<'_>) -> Result<(), ImportError> {
+fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError> {
     let header = "Firmware revision";
     let firmware = log.header(header).unwrap_or("none");
     if firmware.starts_with("Betaflight ") {
@@ -160,7 +160,7 @@ fn check_firmware(file: &Path, log: &Log<'_>) -> Result<(), ImportError> {
     })
 }
 
-fn poles(file: &Path, log: &Log<'_>) -> Result<f64, ImportError> {
+fn poles(file: &Path, log: &BlackboxLog<'_>) -> Result<f64, ImportError> {
     let header = "motor_poles";
     let poles = log.header(header).and_then(|text| text.parse().ok());
     poles.filter(|poles: &u8| *poles >= 2).map(f64::from).ok_or_else(|| ImportError::Header {
@@ -172,7 +172,7 @@ fn poles(file: &Path, log: &Log<'_>) -> Result<f64, ImportError> {
 }
 
 /// Whether commands are DSHOT numbers.
-fn dshot(file: &Path, log: &Log<'_>) -> Result<bool, ImportError> {
+fn dshot(file: &Path, log: &BlackboxLog<'_>) -> Result<bool, ImportError> {
     let features = log.header("features").and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
     if features & FEATURE_3D != 0 {
         return Err(ImportError::Header {

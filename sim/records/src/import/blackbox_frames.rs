@@ -33,7 +33,7 @@ pub(super) fn logs(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 /// The headers of one log, and where its frames are.
-pub(super) struct Log<'a> {
+pub(super) struct BlackboxLog<'a> {
     headers: HashMap<&'a str, &'a str>,
     /// The fields of `I` and `P` frames.
     pub(super) names: Vec<&'a str>,
@@ -119,7 +119,7 @@ pub(super) struct Rows<const N: usize> {
     pub(super) closed: bool,
 }
 
-impl<'a> Log<'a> {
+impl<'a> BlackboxLog<'a> {
     /// Reads the headers of a log that begins with the marker.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Damage> {
         let mut headers = HashMap::new();

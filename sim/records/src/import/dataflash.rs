@@ -12,7 +12,7 @@ use std::path::Path;
 
 use rotorlead_numerics::sample::median;
 
-use super::dataflash_messages::{Log, Messages, is_dataflash};
+use super::dataflash_messages::{DataFlashLog, Messages, is_dataflash};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::{ColumnUse, DroppedRows};
@@ -32,7 +32,7 @@ const CHIRP_RESTART: f64 = 0.9;
 const STAMP: &str = "microseconds, from the first row taken";
 
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let log = Log::read(bytes, &[CHIRP, OUTPUTS, REPORTS]);
+    let log = DataFlashLog::read(bytes, &[CHIRP, OUTPUTS, REPORTS]);
     if log.bytes_lost > bytes.len() / 2 {
         let problem = "from here on, more bytes belong to no message than to one";
         return Err(ImportError::Damaged { file: file.into(), offset: log.first_damage, problem });
@@ -60,7 +60,12 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
 }
 
 /// The longest chirp, or the one that was asked for.
-fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
+fn chirp(
+    file: &Path,
+    log: &DataFlashLog<'_>,
+    rows: &Messages<'_>,
+    options: &ImportOptions,
+) -> Result<Taken, ImportError> {
     let [time_us, pulse_us, frequency_hz, rpm] =
         ["TimeUS", "PWM", "Freq", "RPM"].map(|label| read_column(file, rows, label));
     let (time_us, pulse_us, frequency_hz, rpm) = (time_us?, pulse_us?, frequency_hz?, rpm?);
@@ -129,7 +134,7 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
 }
 
 /// One output, and what its ESC reports.
-fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
+fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
     let number = options.motor.unwrap_or(1);
     let missing = |signal: &'static str, known: &str| {
         let known = format!("{known}; or `ECRP`, which the actuator chirp applet writes");
@@ -267,7 +272,7 @@ impl Motors {
 }
 
 /// Where no output has a motor of a multicopter, it may have the throttle of a plane, or the left and the right one.
-fn motors(log: &Log<'_>) -> Motors {
+fn motors(log: &DataFlashLog<'_>) -> Motors {
     let lifting = |function: u32| match function {
         33..=40 => Some(function as usize - 32),
         82..=85 => Some(function as usize - 73),
@@ -297,7 +302,7 @@ fn motors(log: &Log<'_>) -> Motors {
 /// The pulse widths that mean 0 and 1: those that are stated, or the parameters'.
 fn pulse_range(
     file: &Path,
-    log: &Log<'_>,
+    log: &DataFlashLog<'_>,
     parameters: &[(String, String)],
     at_us: f64,
     options: &ImportOptions,
@@ -320,7 +325,12 @@ fn pulse_range(
 
 /// How old the ESC's reports are: where rows repeat them by the rows, else, where the autopilot draws lines between them, by the log
 /// of the reports themselves.
-fn age_of_reports(file: &Path, log: &Log<'_>, time_s: &[f64], rpm: &[f64]) -> Result<Option<String>, ImportError> {
+fn age_of_reports(
+    file: &Path,
+    log: &DataFlashLog<'_>,
+    time_s: &[f64],
+    rpm: &[f64],
+) -> Result<Option<String>, ImportError> {
     let changes = rpm.windows(2).filter(|pair| pair[0] != pair[1]).count();
     if changes == 0 {
         return Ok(None);

@@ -18,7 +18,7 @@ pub(super) fn is_dataflash(bytes: &[u8]) -> bool {
 }
 
 /// A log, as far as it is needed.
-pub(super) struct Log<'a> {
+pub(super) struct DataFlashLog<'a> {
     messages: Vec<Messages<'a>>,
     parameters: BTreeMap<&'a str, Vec<(f64, f64)>>,
     /// Places where bytes belong to no message.
@@ -44,12 +44,12 @@ pub(super) struct Messages<'a> {
 
 /// Where a number is in a message, and its kind.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct DataFlashNumber {
     kind: u8,
     offset: usize,
 }
 
-impl Place {
+impl DataFlashNumber {
     /// The number; `None` where the message is too short or the field is none.
     pub(super) fn read(self, row: &[u8]) -> Option<f64> {
         let data = row.get(self.offset..)?;
@@ -94,11 +94,11 @@ fn width(kind: u8) -> Option<usize> {
 
 impl<'a> Messages<'a> {
     /// Where the field `label` is.
-    pub(super) fn place(&self, label: &str) -> Option<Place> {
+    pub(super) fn place(&self, label: &str) -> Option<DataFlashNumber> {
         let mut offset = 0;
         for (&kind, found) in self.kinds.iter().zip(self.labels.split(',')) {
             if found == label {
-                return Some(Place { kind, offset });
+                return Some(DataFlashNumber { kind, offset });
             }
             offset += width(kind)?;
         }
@@ -125,7 +125,7 @@ fn trimmed(text: &[u8]) -> &[u8] {
     memchr::memchr(0, text).map_or(text, |end| &text[..end])
 }
 
-impl<'a> Log<'a> {
+impl<'a> DataFlashLog<'a> {
     /// Reads the messages that are `wanted`, and the parameters; of others their number is kept.
     pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Self {
         let mut log = Self {

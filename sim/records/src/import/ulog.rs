@@ -11,7 +11,7 @@ use std::path::Path;
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::ColumnUse;
-use super::ulog_messages::{Log, Place, Topic, is_ulog};
+use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
@@ -29,7 +29,7 @@ const MOST_MOTORS: usize = 16;
 const ESCS: usize = 8;
 
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let log = Log::read(bytes, &[MOTORS, OUTPUTS, STATUS]).map_err(|damage| ImportError::Damaged {
+    let log = UlogLog::read(bytes, &[MOTORS, OUTPUTS, STATUS]).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
         problem: damage.problem,
@@ -176,7 +176,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
 fn refuse_flight(
     file: &Path,
     options: &ImportOptions,
-    log: &Log<'_>,
+    log: &UlogLog<'_>,
     (topic, field, range): (&Topic<'_>, &str, (f64, f64)),
     (motor, command): (usize, &[(f64, f64)]),
     origin_us: f64,
@@ -215,7 +215,7 @@ fn signal(thrust: f64, factor: f64) -> f64 {
 fn find_esc<'a>(
     status: &Topic<'_>,
     motor: usize,
-    report: impl Fn(usize, &str) -> Option<Place<'a>>,
+    report: impl Fn(usize, &str) -> Option<UlogNumber<'a>>,
     notes: &mut Vec<String>,
 ) -> usize {
     let function = MOTOR_FUNCTION + (motor + 1) as f64;
@@ -234,8 +234,8 @@ fn samples(
     file: &Path,
     name: &str,
     topic: &Topic<'_>,
-    place: Place<'_>,
-    stamp: Place<'_>,
+    place: UlogNumber<'_>,
+    stamp: UlogNumber<'_>,
 ) -> Result<Vec<(f64, f64)>, ImportError> {
     let sample = |row: &&[u8]| Some((stamp.read(row)?, place.read(row)?));
     let all: Option<Vec<_>> = topic.rows.iter().map(sample).collect();

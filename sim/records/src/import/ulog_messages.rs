@@ -19,7 +19,7 @@ pub(super) fn is_ulog(bytes: &[u8]) -> bool {
 }
 
 /// A log, as far as it is needed.
-pub(super) struct Log<'a> {
+pub(super) struct UlogLog<'a> {
     formats: HashMap<&'a str, Vec<Field<'a>>>,
     pub(super) topics: Vec<Topic<'a>>,
     /// By their names; of those that are changed the last value.
@@ -49,12 +49,12 @@ struct Field<'a> {
 
 /// Where a number is in a topic's data, and its type.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct UlogNumber<'a> {
     kind: &'a str,
     offset: usize,
 }
 
-impl Place<'_> {
+impl UlogNumber<'_> {
     /// The number; `None` where the message is too short.
     pub(super) fn read(self, row: &[u8]) -> Option<f64> {
         let data = row.get(self.offset..)?;
@@ -84,7 +84,7 @@ fn parameter(data: &[u8]) -> Option<(&str, f64)> {
     let (length, rest) = data.split_first()?;
     let (key, value) = rest.split_at_checked(usize::from(*length))?;
     let (kind, name) = str::from_utf8(key).ok()?.split_once(' ')?;
-    Some((name, Place { kind, offset: 0 }.read(value)?))
+    Some((name, UlogNumber { kind, offset: 0 }.read(value)?))
 }
 
 fn width(kind: &str) -> Option<usize> {
@@ -97,7 +97,7 @@ fn width(kind: &str) -> Option<usize> {
     })
 }
 
-impl<'a> Log<'a> {
+impl<'a> UlogLog<'a> {
     /// Reads the messages of the topics that are `wanted`; of others the name alone is kept.
     pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Result<Self, Damage> {
         let mut log = Self {
@@ -178,7 +178,7 @@ impl<'a> Log<'a> {
     }
 
     /// Where `field[index]` of `topic` is, or `field[index].inner`; `None`: there is none.
-    pub(super) fn place(&self, topic: &str, field: &str, index: usize, inner: Option<&str>) -> Option<Place<'a>> {
+    pub(super) fn place(&self, topic: &str, field: &str, index: usize, inner: Option<&str>) -> Option<UlogNumber<'a>> {
         let mut offset = 0_usize;
         // Each type is measured once: a format may have thousands of fields of another such.
         let mut sizes = HashMap::new();
@@ -187,7 +187,7 @@ impl<'a> Log<'a> {
             if part.name == field && index < part.count {
                 let start = size.checked_mul(index)?.checked_add(offset)?;
                 return match inner {
-                    None => width(part.kind).map(|_| Place { kind: part.kind, offset: start }),
+                    None => width(part.kind).map(|_| UlogNumber { kind: part.kind, offset: start }),
                     Some(inner) => self.inner(part.kind, inner, start),
                 };
             }
@@ -196,10 +196,10 @@ impl<'a> Log<'a> {
         None
     }
 
-    fn inner(&self, format: &str, field: &str, mut offset: usize) -> Option<Place<'a>> {
+    fn inner(&self, format: &str, field: &str, mut offset: usize) -> Option<UlogNumber<'a>> {
         for part in self.formats.get(format)? {
             if part.name == field {
-                return Some(Place { kind: part.kind, offset });
+                return Some(UlogNumber { kind: part.kind, offset });
             }
             offset = offset.checked_add(width(part.kind)?.checked_mul(part.count)?)?;
         }

@@ -25,7 +25,7 @@
 //! the rows as they are: else a response that is no lag would be judged by its tail alone.
 
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
-use rotorlead_numerics::least_squares::{Damping, Decrease, Found, NormalEquations as _, Strategy, search};
+use rotorlead_numerics::least_squares::{Damping, Decrease, NormalEquations as _, SearchEnd, Strategy, search};
 use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_numerics::sample::{median, variance};
 
@@ -236,7 +236,7 @@ impl Fitted {
             damping: Damping::GainRatio,
             reuses_jacobian: false,
         };
-        let Found { at, linearization, converged, .. } = search(problem, problem.at(start)?, &strategy)?;
+        let SearchEnd { at, linearization, converged, .. } = search(problem, problem.at(start)?, &strategy)?;
         Some(Self { at, linearization, converged })
     }
 
