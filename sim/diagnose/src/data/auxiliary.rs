@@ -71,7 +71,7 @@ impl AuxiliaryChannel {
     }
 
     /// The white lines that the model leaves of it: of the speed no parabola of what it says, of the voltage no multiple of it.
-    pub fn left(&self, trace: &Trace) -> Option<Vec<Complex64>> {
+    pub fn residual(&self, trace: &Trace) -> Option<Vec<Complex64>> {
         let rows = self.from..self.from + self.whitening.rows();
         let cut = |values: &[f64]| values.get(rows.clone()).map(<[f64]>::to_vec);
         let supplied = !trace.voltage_v.is_empty();

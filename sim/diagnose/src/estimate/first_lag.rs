@@ -31,9 +31,9 @@ pub(crate) fn first_lag(record: &Record) -> Option<Lag> {
             xy += rows * x * y;
             yy += rows * y * y;
         }
-        let left = yy - xy * xy / xx;
-        if xx > 0.0 && xy != 0.0 && best.as_ref().is_none_or(|best| left < best.0) {
-            best = Some((left, Lag { gain: xy / xx, time_constant_s, delay_s: 0.0 }));
+        let squares = yy - xy * xy / xx;
+        if xx > 0.0 && xy != 0.0 && best.as_ref().is_none_or(|best| squares < best.0) {
+            best = Some((squares, Lag { gain: xy / xx, time_constant_s, delay_s: 0.0 }));
         }
         time_constant_s *= FACTOR;
     }

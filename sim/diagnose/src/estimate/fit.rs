@@ -126,9 +126,9 @@ fn look_around(likelihood: &Likelihood, found: &Descent) -> Option<Hypothesis> {
         for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
             let mut moved = found.at.hypothesis.clone();
             moved.set(coordinate, here + distance);
-            let Some((left, there)) = linearization.predict(likelihood, &moved) else { continue };
-            if left < best.as_ref().map_or(found.at.sum - ENOUGH, |best| best.0) {
-                best = Some((left, there));
+            let Some((chi_square, there)) = linearization.predict(likelihood, &moved) else { continue };
+            if chi_square < best.as_ref().map_or(found.at.sum - ENOUGH, |best| best.0) {
+                best = Some((chi_square, there));
             }
         }
     }

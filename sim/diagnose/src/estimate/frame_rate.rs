@@ -32,7 +32,7 @@ pub(crate) fn polish(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Optio
     let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.profiled_std * known.values[0]);
     let evaluate = |hz: f64| {
         let hypothesis = at_rate(likelihood, &fit.hypothesis, effect, hz);
-        likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
+        likelihood.chi_square(&hypothesis, Split::Train).map(|chi_square| (chi_square, hz, hypothesis))
     };
     let lengths_s = likelihood
         .data
@@ -42,7 +42,7 @@ pub(crate) fn polish(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Optio
     let step_hz = PULLED / lengths_s.fold(0.0, f64::max);
     let pulled = |step: i32| {
         let hypothesis = moved(likelihood, &fit.hypothesis, effect, near_hz + f64::from(step) * step_hz);
-        likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, step))
+        likelihood.chi_square(&hypothesis, Split::Train).map(|chi_square| (chi_square, step))
     };
     let pulled = (-PULLED_STEPS..=PULLED_STEPS).filter_map(pulled).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let mut best = evaluate(near_hz + f64::from(pulled.1) * step_hz)?;
@@ -77,14 +77,15 @@ pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: u
     let evaluate = |offset_hz: f64| -> Option<Vec<f64>> {
         let hypothesis = at_rate(likelihood, known, effect, hz + offset_hz);
         let fitted = likelihood.data.records.par_iter().filter(|record| likelihood.has(record, Split::Train));
-        let left = |record: &Record| likelihood.residual(record, &hypothesis, Split::Train);
-        fitted.map(|record| Some(left(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
+        let residual = |record: &Record| likelihood.residual(record, &hypothesis, Split::Train);
+        fitted.map(|record| Some(residual(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
     };
     let here: f64 = evaluate(0.0)?.iter().sum();
     let mut width_hz = near.profiled_std.min(1e-4) * hz;
     for _ in 0..MOST_WIDENINGS {
-        let sides = [-width_hz, width_hz].map(|offset_hz| evaluate(offset_hz).map(|left| left.iter().sum::<f64>()));
-        if sides.iter().all(|left| left.is_none_or(|left| left > here + WIDE_ENOUGH)) {
+        let sides =
+            [-width_hz, width_hz].map(|offset_hz| evaluate(offset_hz).map(|chi_square| chi_square.iter().sum::<f64>()));
+        if sides.iter().all(|chi_square| chi_square.is_none_or(|chi_square| chi_square > here + WIDE_ENOUGH)) {
             break;
         }
         width_hz *= 2.0;
@@ -92,12 +93,13 @@ pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: u
     let half = f64::from(RATES / 2);
     // Offsets in widths.
     let offsets: Vec<f64> = (0..=RATES).map(|place| (f64::from(place) - half) / half).collect();
-    let left: Vec<Vec<f64>> = offsets.iter().map(|offset| evaluate(offset * width_hz)).collect::<Option<_>>()?;
+    let chi_square: Vec<Vec<f64>> = offsets.iter().map(|offset| evaluate(offset * width_hz)).collect::<Option<_>>()?;
     let design = DMatrix::from_fn(offsets.len(), 3, |row, power| offsets[row].powi(power as i32));
     let inverse = (design.transpose() * &design).try_inverse()? * design.transpose();
-    let records = left.first()?.len();
-    let parabolas: Vec<DVector<f64>> =
-        (0..records).map(|record| &inverse * DVector::from_fn(offsets.len(), |row, _| left[row][record])).collect();
+    let records = chi_square.first()?.len();
+    let parabolas: Vec<DVector<f64>> = (0..records)
+        .map(|record| &inverse * DVector::from_fn(offsets.len(), |row, _| chi_square[row][record]))
+        .collect();
     let sum = |power: usize| parabolas.iter().map(|parabola| parabola[power]).sum::<f64>();
     let bend = sum(2);
     if bend <= 0.0 {
@@ -149,20 +151,22 @@ pub(crate) fn refined(
 ) -> f64 {
     let begin = hypothesis.effects[effect].phases[record.place];
     let Some(split) = record.segments.first().map(|segment| segment.split) else { return begin };
-    let mut left_at = |phase: f64| {
+    let mut chi_square_at = |phase: f64| {
         hypothesis.effects[effect].phases[record.place] = phase.rem_euclid(1.0);
         let white = likelihood.residual(record, &hypothesis, split);
         white.map_or(f64::INFINITY, |white| white.iter().map(Complex64::norm_sqr).sum::<f64>())
     };
     let least =
         |at: Vec<(f64, f64)>| at.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, begin));
-    let (mut left, mut phase) = least(offsets.iter().map(|offset| (left_at(begin + offset), begin + offset)).collect());
+    let (mut chi_square, mut phase) =
+        least(offsets.iter().map(|offset| (chi_square_at(begin + offset), begin + offset)).collect());
     for width in PHASE_WIDTHS {
-        let (below, above) = (left_at(phase - width), left_at(phase + width));
-        let bend = below - 2.0 * left + above;
+        let (below, above) = (chi_square_at(phase - width), chi_square_at(phase + width));
+        let bend = below - 2.0 * chi_square + above;
         let top = if bend > 0.0 { (0.5 * (below - above) / bend).clamp(-1.0, 1.0) } else { 0.0 };
         let top = phase + width * top;
-        (left, phase) = least(vec![(left, phase), (below, phase - width), (above, phase + width), (left_at(top), top)]);
+        (chi_square, phase) =
+            least(vec![(chi_square, phase), (below, phase - width), (above, phase + width), (chi_square_at(top), top)]);
     }
     phase.rem_euclid(1.0)
 }

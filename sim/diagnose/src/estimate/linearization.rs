@@ -28,7 +28,7 @@ pub(crate) struct Linearization {
 struct RecordJacobian {
     columns: Vec<(usize, Vec<Complex64>)>,
     /// The white residual where they were taken.
-    left: Vec<Complex64>,
+    residual: Vec<Complex64>,
 }
 
 /// What a search pays for values away from where the effects are not: weight and distance of each coordinate that is tied.
@@ -109,13 +109,13 @@ impl Linearization {
             .par_iter()
             .map(|record| {
                 if !likelihood.has(record, Split::Train) {
-                    return Some(RecordJacobian { columns: Vec::new(), left: Vec::new() });
+                    return Some(RecordJacobian { columns: Vec::new(), residual: Vec::new() });
                 }
                 let white = |hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Train);
-                let left = white(hypothesis)?;
-                let by_gain = || likelihood.for_record(record).by_gain(hypothesis, Split::Train, &left);
-                let columns = columns(record, hypothesis, &coordinates, effect_step, (&left, by_gain), white)?;
-                Some(RecordJacobian { columns, left })
+                let residual = white(hypothesis)?;
+                let by_gain = || likelihood.for_record(record).by_gain(hypothesis, Split::Train, &residual);
+                let columns = columns(record, hypothesis, &coordinates, effect_step, (&residual, by_gain), white)?;
+                Some(RecordJacobian { columns, residual })
             })
             .collect();
         let records = records?;
@@ -137,13 +137,13 @@ impl Linearization {
     }
 
     /// The white residual of each record where the linearization was taken; empty of what is not fitted.
-    pub fn left(&self) -> Vec<&[Complex64]> {
-        self.records.iter().map(|record| &record.left[..]).collect()
+    pub fn residual(&self) -> Vec<&[Complex64]> {
+        self.records.iter().map(|record| &record.residual[..]).collect()
     }
 
     /// Sum of squares where the linearization was taken, which is at `hypothesis`, and half its derivatives.
     pub fn slope_here(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
-        self.white_slope(likelihood, hypothesis, |place, _| Some(self.records[place].left.clone()))
+        self.white_slope(likelihood, hypothesis, |place, _| Some(self.records[place].residual.clone()))
     }
 
     /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the linearization.
@@ -205,9 +205,9 @@ impl Linearization {
     /// The same from the sum of squares at `hypothesis` and half its derivatives.
     pub fn follow(&self, hypothesis: &Hypothesis, sum: f64, gradient: &DVector<f64>) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, gradient, &floored_diagonal(&self.matrix), 1e-9)?;
-        let left = sum + gradient.dot(&step);
+        let chi_square = sum + gradient.dot(&step);
         // The linearization holds nearby only.
-        Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
+        Some((chi_square, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }
 

@@ -26,7 +26,7 @@ fn without_hum(data: Dataset, base: &Hypothesis, lags: bool) -> Option<Dataset> 
     let data = Arc::new(data);
     let lags = fit(&Likelihood::unit(Arc::clone(&data)), base, lags)?.hypothesis;
     let without = |record: &Record| match lags.aligned(&data, record).filter(|_| record.log.is_none()) {
-        Some((_, left)) => record.clone().without_hum(&left),
+        Some((_, residual)) => record.clone().without_hum(&residual),
         None => record.clone(),
     };
     Some(data.with_records(data.records.iter().map(without).collect()))

@@ -168,7 +168,7 @@ fn settle(
         moved.set(coordinate, at);
         linearization.predict(likelihood, &moved)
     };
-    let profile = Profile::draw(known.get(coordinate), |at| followed(at).map(|(left, _)| left))?;
+    let profile = Profile::draw(known.get(coordinate), |at| followed(at).map(|(chi_square, _)| chi_square))?;
     // Not by way of its logarithm, whose rounding may take a command over a step.
     let (left_here, here) = linearization.predict(likelihood, known)?;
     let (at, least) = profile.best();

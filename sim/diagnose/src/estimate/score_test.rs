@@ -42,16 +42,16 @@ fn is_slow(candidate: &Candidate) -> bool {
 
 impl Chain {
     /// That of `quick`, where `left` is what the fit leaves of each record.
-    fn new(likelihood: &Likelihood, quick: Hypothesis, left: &[&[Complex64]]) -> Option<Self> {
-        let of_record = |(record, left): (&Record, &&[Complex64])| {
-            if left.is_empty() {
+    fn new(likelihood: &Likelihood, quick: Hypothesis, residual: &[&[Complex64]]) -> Option<Self> {
+        let of_record = |(record, residual): (&Record, &&[Complex64])| {
+            if residual.is_empty() {
                 return Some(Vec::new());
             }
             let mut offset = likelihood.residual(record, &quick, Split::Train)?;
-            offset.iter_mut().zip(*left).for_each(|(offset, left)| *offset = left - *offset);
+            offset.iter_mut().zip(*residual).for_each(|(offset, residual)| *offset = residual - *offset);
             Some(offset)
         };
-        let offsets: Option<Vec<_>> = likelihood.data.records.par_iter().zip(left).map(of_record).collect();
+        let offsets: Option<Vec<_>> = likelihood.data.records.par_iter().zip(residual).map(of_record).collect();
         Some(Self { offsets: offsets?, quick })
     }
 }
@@ -64,12 +64,12 @@ impl<'a> ScoreTest<'a> {
         let mut quick = from.hypothesis.clone();
         quick.effects.retain(|candidate| !is_slow(candidate));
         let in_rows = match likelihood.data.records.iter().find_map(|record| quick.in_rows(record)) {
-            Some(in_rows) => Some(Chain::new(likelihood, in_rows, &linearization.left())?),
+            Some(in_rows) => Some(Chain::new(likelihood, in_rows, &linearization.residual())?),
             None => None,
         };
         let is_shorter = quick.effects.len() < from.hypothesis.effects.len();
         let own = if is_shorter {
-            Chain::new(likelihood, quick, &linearization.left())?
+            Chain::new(likelihood, quick, &linearization.residual())?
         } else {
             Chain { quick, offsets: Vec::new() }
         };
@@ -91,11 +91,11 @@ impl<'a> ScoreTest<'a> {
             (with.time_offset_s, quick.time_offset_s) = (0.0, 0.0);
         }
         let (sum, gradient) = self.linearization.white_slope(likelihood, &with, |place, record| {
-            let mut left = likelihood.residual(record, &quick, Split::Train)?;
+            let mut residual = likelihood.residual(record, &quick, Split::Train)?;
             if let Some(offset) = chain.offsets.get(place) {
-                left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
+                residual.iter_mut().zip(offset).for_each(|(residual, offset)| *residual += offset);
             }
-            Some(left)
+            Some(residual)
         })?;
         self.linearization.follow(&with, sum, &gradient)
     }
@@ -121,13 +121,13 @@ mod tests {
         let mut predicted = 0;
         for kind in catalog.kinds().filter(|kind| kind.id != "parameter_error") {
             let start = Candidate::starts(kind, false)[0].clone();
-            let (left, _) = score_test.predict(likelihood, &start, false).unwrap();
+            let (chi_square, _) = score_test.predict(likelihood, &start, false).unwrap();
             let (exact, _) =
                 score_test.linearization.predict(likelihood, &from.hypothesis.with(start.clone())).unwrap();
             let changed = (from.chi_square - exact).abs();
             assert!(
-                (left - exact).abs() < 0.03 * changed + 0.5,
-                "{}: {left} for {exact} of {}",
+                (chi_square - exact).abs() < 0.03 * changed + 0.5,
+                "{}: {chi_square} for {exact} of {}",
                 kind.id,
                 from.chi_square
             );

@@ -126,18 +126,18 @@ impl RecordLikelihood for Periodic<'_> {
 
     fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
         let of_channel = |channel: &AuxiliaryChannel| {
-            let white = channel.left(trace)?;
+            let white = channel.residual(trace)?;
             Some(Beside { numbers: 2.0 * white.len() as f64, white })
         };
         self.record.auxiliary_channels.iter().map(of_channel).collect()
     }
 
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {
-        let (_, left) = hypothesis.aligned(self.data, self.record)?;
+        let (_, residual) = hypothesis.aligned(self.data, self.record)?;
         let periods = self.record.periods();
         let rows = 0..periods * self.record.period_rows;
         let mut weights = self.weights.clone();
-        if let Some(density) = NoiseDensity::between_harmonics(&left[rows], periods, self.record.rate_hz) {
+        if let Some(density) = NoiseDensity::between_harmonics(&residual[rows], periods, self.record.rate_hz) {
             weights.0.iter_mut().for_each(|whitening| whitening.set_noise(&density, self.record.rate_hz));
         }
         Some(RecordWeights::Periodic(weights))
@@ -191,12 +191,12 @@ impl RecordLikelihood for Periodic<'_> {
             if variance <= 0.0 {
                 continue;
             }
-            let left: Vec<f64> = segment.rows.clone().map(|row| record.measured[row] - simulated[row]).collect();
-            let mean = mean(&left);
-            all.extend(segment.rows.clone().zip(left).map(|(row, left)| {
+            let residual: Vec<f64> = segment.rows.clone().map(|row| record.measured[row] - simulated[row]).collect();
+            let mean = mean(&residual);
+            all.extend(segment.rows.clone().zip(residual).map(|(row, residual)| {
                 let period = (row / record.period_rows) as f64;
                 Term {
-                    excess: Excess { sum: (left - mean).powi(2) / variance, expected: 1.0 },
+                    excess: Excess { sum: (residual - mean).powi(2) / variance, expected: 1.0 },
                     time_s: Some((period * period_s, (period + 1.0) * period_s)),
                     direction: row.checked_sub(1).map(|before| (simulated[row] - simulated[before]).signum()),
                     ..Term::default()
@@ -212,8 +212,8 @@ impl RecordLikelihood for Periodic<'_> {
             let rows = segment.rows.clone();
             let (time_s, measured) = (&self.record.time_s[rows.clone()], &self.record.measured[rows.clone()]);
             let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
-            let left: f64 = aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum();
-            left + self.hum(segment)
+            let squares: f64 = aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum();
+            squares + self.hum(segment)
         };
         Some(self.segments(split).map(|(segment, _)| of_segment(segment)).sum())
     }

@@ -185,8 +185,8 @@ impl PlateauWeights {
             for (row, _) in &part.moving {
                 let way = (simulated(*row) - start) / (end - start);
                 let way = if way.is_finite() { way.clamp(-1.0, 2.0) } else { 1.0 };
-                let left = self.log.measured[*row] - (1.0 - way) * from - way * to;
-                free[*row] = difference[*row] - left - (1.0 - way) * off_level[0] - way * off_level[1];
+                let residual = self.log.measured[*row] - (1.0 - way) * from - way * to;
+                free[*row] = difference[*row] - residual - (1.0 - way) * off_level[0] - way * off_level[1];
             }
         }
         free
@@ -211,7 +211,7 @@ impl<'a> Plateaus<'a> {
     }
 
     /// What a hypothesis leaves at each row, beside what is free.
-    pub fn left(&self, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
+    pub fn row_residual(&self, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
         Some(self.beside_free(hypothesis, &hypothesis.difference(self.data, self.record)?))
     }
 
@@ -229,13 +229,13 @@ impl<'a> Plateaus<'a> {
 
     /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
     pub fn levels_and_motion(&self, hypothesis: &Hypothesis, split: Split) -> Option<((f64, f64), Vec<f64>)> {
-        Some(self.weights.response.for_split(split).squares(&self.left(hypothesis)?))
+        Some(self.weights.response.for_split(split).squares(&self.row_residual(hypothesis)?))
     }
 
     /// Sum of squares of the rows of the record that a row stands for.
-    fn square(&self, row: usize, left: &[f64]) -> f64 {
+    fn square(&self, row: usize, residual: &[f64]) -> f64 {
         let (rows, scatter) = self.log().scatter[row];
-        rows * left[row].powi(2) + scatter
+        rows * residual[row].powi(2) + scatter
     }
 
     /// Columns beside the response, with their filters.
@@ -269,7 +269,7 @@ impl RecordLikelihood for Plateaus<'_> {
     }
 
     fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
-        let white = self.weights.response.for_split(split).apply(&self.left(hypothesis)?);
+        let white = self.weights.response.for_split(split).apply(&self.row_residual(hypothesis)?);
         Some(white.into_iter().map(Complex64::from).collect())
     }
 
@@ -284,9 +284,10 @@ impl RecordLikelihood for Plateaus<'_> {
     }
 
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {
-        let left = self.left(hypothesis)?;
-        let simulated: Vec<f64> = self.record.measured.iter().zip(&left).map(|(y, left)| y - left).collect();
-        let mut weights = self.weights.clone().weighed(&left, &simulated);
+        let residual = self.row_residual(hypothesis)?;
+        let simulated: Vec<f64> =
+            self.record.measured.iter().zip(&residual).map(|(y, residual)| y - residual).collect();
+        let mut weights = self.weights.clone().weighed(&residual, &simulated);
         if !self.record.channels.is_empty() {
             let trace = hypothesis.trace(self.data, self.record)?;
             let known_by = weights.known_by();
@@ -301,7 +302,7 @@ impl RecordLikelihood for Plateaus<'_> {
     }
 
     fn terms(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term> {
-        let Some(left) = self.left(hypothesis) else { return Vec::new() };
+        let Some(residual) = self.row_residual(hypothesis) else { return Vec::new() };
         let (log, record) = (self.log(), self.record);
         let unit = log.rows_per_sample.recip();
         let length_s = record.time_s[record.time_s.len() - 1] - record.time_s[0];
@@ -312,7 +313,7 @@ impl RecordLikelihood for Plateaus<'_> {
             let moved = (group.step != 0.0).then_some(group.step);
             Term {
                 excess: Excess {
-                    sum: unit * self.square(row, &left) / (group.noise * group.noise),
+                    sum: unit * self.square(row, &residual) / (group.noise * group.noise),
                     expected: unit * rows,
                 },
                 scale: group.noise * group.noise / unit,
@@ -329,12 +330,12 @@ impl RecordLikelihood for Plateaus<'_> {
 
     /// The state at the begin and the zero are those that [`RecordLikelihood::residual`] leaves out.
     fn squares(&self, hypothesis: &Hypothesis, _: f64, split: Split) -> Option<f64> {
-        let left = self.left(hypothesis)?;
-        Some(self.rows(split).map(|(row, _)| self.square(row, &left)).sum())
+        let residual = self.row_residual(hypothesis)?;
+        Some(self.rows(split).map(|(row, _)| self.square(row, &residual)).sum())
     }
 
     fn change(&self, one: &Hypothesis, other: &Hypothesis, _: f64, split: Split) -> Option<f64> {
-        let (one, other) = (self.left(one)?, self.left(other)?);
+        let (one, other) = (self.row_residual(one)?, self.row_residual(other)?);
         let of_row = |row: usize| self.log().scatter[row].0 * (one[row] - other[row]).powi(2);
         Some(self.rows(split).map(|(row, _)| of_row(row)).sum())
     }
