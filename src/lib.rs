@@ -17,14 +17,14 @@
 //! ```
 //! use rotorlead::compensator::Compensator;
 //! use rotorlead::design::{LeadDesign, LeadParameters};
-//! use rotorlead::protocol::Protocol;
+//! use rotorlead::protocol::PulseProtocol;
 //! use rotorlead::throttle::Command;
 //!
 //! // Once. The poles 1 / tau of the identified motors, and the highest frequency that is to be amplified, rad/s.
 //! let lead = LeadParameters::from_poles(&[6.28, 9.29, 14.13], 628.0)?;
 //! let design = LeadDesign::new(lead, 5000.0, None)?; // update runs at 5 kHz
 //! let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
-//! let pulses = Protocol::StandardPwm.scale(84_000_000)?; // the timer counts at 84 MHz
+//! let pulses = PulseProtocol::StandardPwm.at(400).scale(84_000_000)?; // the timer counts at 84 MHz
 //!
 //! // In each tick, for each motor: the mixer's throttle, 0 to 1, to the width of the next pulse in counts of the timer.
 //! let mut tick = |throttle| pulses.to_ticks(compensator.update(Command::saturating_from_f64(throttle)));

@@ -14,6 +14,7 @@ pub mod stand_in;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
+use proptest::sample::select;
 use proptest::test_runner::RngSeed;
 use rotorlead::compensator::{CommandRange, Filter};
 use rotorlead::controller;
@@ -21,7 +22,7 @@ use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, R
 use rotorlead::inverse::OUTPUT_BITS;
 use rotorlead::settings::{
     CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_IDLE, HIGHEST_STOP, Inverse, Lead, MotorSettings,
-    NoSignal, Pulse, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
+    NoSignal, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::{Command, FRACTION_BITS};
 
@@ -306,16 +307,14 @@ pub fn any_filter() -> impl Strategy<Value = AnyFilter> {
 /// Valid settings over the whole range of each, whose filter can be designed: protocols with pulses, rates, levels, times,
 /// leads.
 pub fn any_settings() -> impl Strategy<Value = Validated> {
-    let protocol =
-        || prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)];
+    let pulses: Vec<PulseProtocol> = PulseProtocol::ALL.into_iter().filter(|one| one.dshot().is_none()).collect();
     let pulse = move || {
-        (protocol(), 40..=3703_u16).prop_map(|(protocol, frame_hz)| {
-            let fastest = match protocol {
-                PulseProtocol::RawDuty => FASTEST_RAW_DUTY_HZ,
-                PulseProtocol::StandardPwm => 495,
-                _ => 3703,
+        (select(pulses.clone()), 40..=3703_u16).prop_map(|(protocol, frame_hz)| {
+            let fastest = match protocol.range_us() {
+                Some((_, longest_us)) => (1_000_000 / (longest_us + SHORTEST_LEVEL_US)) as u16,
+                None => FASTEST_RAW_DUTY_HZ,
             };
-            Pulse { protocol, frame_hz: 40 + (frame_hz - 40) % (fastest - 39) }
+            protocol.at(40 + (frame_hz - 40) % (fastest - 39))
         })
     };
     // Parts of what is left between the stop and the highest duty; the ends of it, too.

@@ -152,7 +152,7 @@ impl ControlAccess for Hardware {
 }
 
 fn scale(settings: &Settings) -> PulseScale {
-    settings.input.protocol().scale(TIMER_HZ).expect("every protocol suits this timer")
+    settings.input.scale(TIMER_HZ).expect("every protocol suits this timer")
 }
 
 /// A flash in which these settings were saved.

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::protocol::{Protocol, PulseError};
+use crate::protocol::{Form, Pulse, PulseError};
 
 /// Slowest input frame rate, hertz: servo outputs run at 50 Hz, less a fifth for odd ones.
 pub const SLOWEST_FRAME_HZ: u32 = 40;
@@ -101,32 +101,33 @@ impl From<PulseError> for TimingError {
 }
 
 impl Timing {
-    /// Limits for `protocol` on a timer that counts at `timer_hz`, for a decoder that is polled at `poll_hz` (once per
+    /// Limits for `pulse` on a timer that counts at `timer_hz`, for a decoder that is polled at `poll_hz` (once per
     /// control tick). The timeout is 100 ms.
     ///
     /// # Errors
     /// When the timer does not suit the protocol, or a rate is out of range.
-    pub fn new(protocol: Protocol, timer_hz: u32, poll_hz: u32) -> Result<Self, TimingError> {
+    pub fn new(pulse: Pulse, timer_hz: u32, poll_hz: u32) -> Result<Self, TimingError> {
         if poll_hz < SLOWEST_POLL_HZ {
             return Err(TimingError::PollRate { poll_hz });
         }
-        let scale = protocol.scale(timer_hz)?;
+        let scale = pulse.scale(timer_hz)?;
         let (low, high) = (scale.low_ticks(), scale.high_ticks());
         let glitch = (timer_hz / 1_000_000 * GLITCH_US).max(1);
         let timeout = timer_hz / 1000 * TIMEOUT_MS;
-        let (min_width, max_width, min_period, max_period) = match protocol {
-            Protocol::RawDuty { frame_hz } => {
+        let (min_width, max_width, min_period, max_period) = match pulse.protocol.specification().form {
+            Form::Duty => {
+                let frame_hz = u32::from(pulse.frame_hz);
                 if !(SLOWEST_FRAME_HZ..=FASTEST_FRAME_HZ).contains(&frame_hz) {
                     return Err(TimingError::FrameRate { frame_hz });
                 }
                 (glitch, high - glitch, high - high / 8, high + high / 8)
             }
-            Protocol::StandardPwm | Protocol::OneShot125 => {
+            Form::Width { .. } => {
                 let beyond = (high - low) / 5;
                 let slowest = timer_hz / SLOWEST_FRAME_HZ;
                 (low - beyond, high + beyond, high - high / 10, slowest + slowest / 10)
             }
-            Protocol::Dshot(_) => return Err(TimingError::NoPulses),
+            Form::Frames(_) => return Err(TimingError::NoPulses),
         };
         let frames_per_poll = timer_hz / poll_hz / min_period + 1;
         let edges_per_poll = 2 * frames_per_poll + SPARE_EDGES;

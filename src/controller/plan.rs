@@ -2,8 +2,7 @@
 
 use crate::capture::{TIMEOUT_MS, Timing};
 use crate::dshot::Line;
-use crate::protocol::Protocol;
-use crate::settings::{Validated, pulse_range_us};
+use crate::settings::{PulseProtocol, Validated};
 use crate::throttle::{Command, EscCommand, PulseScale};
 
 /// Counts of the timer that puts out the pulses: 16 bits.
@@ -44,7 +43,7 @@ impl Frames {
                 return shortest;
             }
             let input_frame = counter_hz.checked_div(input_hz).unwrap_or(0);
-            let range = match pulse_range_us(settings.input.protocol) {
+            let range = match settings.input.protocol.range_us() {
                 Some((shortest, longest)) => counter_hz / 1_000_000 * (longest - shortest),
                 None => input_frame,
             };
@@ -55,9 +54,9 @@ impl Frames {
         // The smallest divider with which the longest frame fits the counter.
         let divider = longest(timer_hz, undivided).div_ceil(COUNTER_RANGE).max(1);
         let counter_hz = timer_hz / divider;
-        let shortest = match settings.output.protocol() {
+        let shortest = match settings.output.protocol {
             // The duty is a share of just this many counts.
-            protocol @ Protocol::RawDuty { .. } => protocol.scale(counter_hz).ok()?.high_ticks(),
+            PulseProtocol::RawDuty => settings.output.scale(counter_hz).ok()?.high_ticks(),
             // Never faster than the frame rate.
             _ => counter_hz.div_ceil(output_hz),
         };
@@ -127,7 +126,7 @@ impl InputPlan {
         let rate_hz = settings.loop_rate_hz;
         Some(match settings.input.protocol.dshot() {
             Some(line) => Self::Dshot { line, timeout_ticks: super::ticks(TIMEOUT_MS, rate_hz) },
-            None => Self::Pulses(Timing::new(settings.input.protocol(), timer_hz, rate_hz).ok()?),
+            None => Self::Pulses(Timing::new(settings.input, timer_hz, rate_hz).ok()?),
         })
     }
 
@@ -171,7 +170,7 @@ impl OutputPlan {
             return Some(Self::Dshot { line, rate });
         }
         let frames = Frames::new(settings, timer_hz)?;
-        let scale = settings.output.protocol().scale(frames.counter_hz).ok()?;
+        let scale = settings.output.scale(frames.counter_hz).ok()?;
         // A pulse without a gap behind it would be a line that is always high.
         (longest_pulse_ticks(settings, scale) < frames.shortest).then_some(Self::Pulses { scale, frames })
     }
@@ -236,7 +235,7 @@ impl Plan {
     pub fn new(settings: &Validated, timer_hz: u32, tells_pulses_apart: bool) -> Option<Self> {
         let input = InputPlan::new(settings, timer_hz)?;
         let is_readable = tells_pulses_apart || input.timing().is_none();
-        let input_scale = if is_readable { settings.input.protocol().scale(timer_hz).ok()? } else { PulseScale::FULL };
+        let input_scale = if is_readable { settings.input.scale(timer_hz).ok()? } else { PulseScale::FULL };
         Some(Self { input, input_scale, output: OutputPlan::new(settings, timer_hz)? })
     }
 }
@@ -244,7 +243,7 @@ impl Plan {
 /// Width of the longest pulse that an output may have, in counts.
 #[must_use]
 pub fn longest_pulse_ticks(settings: &Validated, output_scale: PulseScale) -> u32 {
-    let highest = match pulse_range_us(settings.output.protocol) {
+    let highest = match settings.output.protocol.range_us() {
         Some(_) => Command::ONE,
         // No channel puts out more.
         None => settings.motors.iter().fold(Command::ZERO, |highest, motor| {

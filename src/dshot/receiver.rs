@@ -130,7 +130,7 @@ impl Receiver {
     }
 
     /// Once per control tick, after its words: what has become of the input. A pulse's width is the value of a throttle, and for
-    /// a stop the one below ([`super::BELOW_THROTTLE`]), as [`Protocol::Dshot`](crate::protocol::Protocol::Dshot) has it.
+    /// a stop the one below ([`super::BELOW_THROTTLE`]), as [`Form::Frames`](crate::protocol::Form::Frames) has it.
     pub fn read(&mut self) -> Reading {
         let newest = self.newest.take();
         self.rate.poll();

@@ -6,7 +6,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameFaults, Series};
-use crate::settings::{MOTORS, Origin, Settings, SettingsError, Warnings};
+use crate::settings::{MOTORS, Origin, PulseProtocol, Settings, SettingsError, Warnings};
 
 /// Samples in one [`InjectRequest`].
 pub const INJECT_SAMPLES: usize = 128;
@@ -240,10 +240,19 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = |bits: i32| crate::throttle::Throttle::from_bits(bits).to_f64();
         match *self {
-            Self::NoDshot => f.write_str(
-                "the pins of this board do not speak DShot; choose raw_duty, standard_pwm or oneshot125 for input.protocol and \
-                 output.protocol",
-            ),
+            Self::NoDshot => {
+                f.write_str("the pins of this board do not speak DShot; choose ")?;
+                let mut pulses = PulseProtocol::ALL.iter().filter(|protocol| protocol.dshot().is_none());
+                while let Some(protocol) = pulses.next() {
+                    f.write_str(protocol.name())?;
+                    f.write_str(match pulses.clone().count() {
+                        0 => " for input.protocol and output.protocol",
+                        1 => " or ",
+                        _ => ", ",
+                    })?;
+                }
+                Ok(())
+            }
             Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
             Self::NotRested { motor } => write!(

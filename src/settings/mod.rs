@@ -20,18 +20,17 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve};
-use crate::dshot::{Line, Speed};
-use crate::protocol::Protocol;
 use crate::throttle::Command;
 
 pub use crate::channel::NoSignal;
+pub use crate::protocol::{Pulse, PulseProtocol};
 pub use compensator::{CompensatorKind, Inverse, Lead};
 pub use key::{Key, Place};
 pub use levels::Levels;
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{
     DSHOT_FRAME_RANGE_HZ, FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_IDLE, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US,
-    SettingsError, Validated, Warning, Warnings, pulse_range_us,
+    SettingsError, Validated, Warning, Warnings,
 };
 
 /// Motors of one controller.
@@ -61,7 +60,7 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | `inverse.natural_rad_s` | above 0 | the paper's, 94.2 |
 /// | `inverse.damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.compensate_from`, `inverse.compensate_to` | 0..=1, in this order | 0, 1 |
-/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125, dshot150, dshot300, dshot600, dshot300_bidirectional, dshot600_bidirectional | standard_pwm |
+/// | `input.protocol`, `output.protocol` | the name of a [`PulseProtocol`] | standard_pwm |
 /// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500; DShot up to 10000, and as an input to twice `loop_rate_hz` | 490, 495 |
 /// | `output.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
@@ -131,72 +130,6 @@ pub struct MotorSettings {
     pub hold_ms: u16,
     /// The rotor's time constants over the command; `None` where they are not known.
     pub curve: Option<RotorCurve>,
-}
-
-/// How a command is expressed as a pulse, and how often.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct Pulse {
-    /// What the pulse's width means.
-    pub protocol: PulseProtocol,
-    /// Frames per second.
-    pub frame_hz: u16,
-}
-
-/// What a pulse's width means; see [`Protocol`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum PulseProtocol {
-    /// The duty cycle is the command.
-    RawDuty,
-    /// 1000 to 2000 µs.
-    StandardPwm,
-    /// 125 to 250 µs.
-    OneShot125,
-    /// Frames of bits, at 150 kbit/s. Their rate counts at an output whose input has pulses.
-    Dshot150,
-    /// The same at 300 kbit/s.
-    Dshot300,
-    /// The same at 600 kbit/s.
-    Dshot600,
-    /// Frames at 300 kbit/s that the ESC answers. An input has them only where the output has such frames, too.
-    Dshot300Bidirectional,
-    /// The same at 600 kbit/s.
-    Dshot600Bidirectional,
-}
-
-impl PulseProtocol {
-    /// What its line has, where that is DShot.
-    #[must_use]
-    pub const fn dshot(self) -> Option<Line> {
-        match self {
-            Self::RawDuty | Self::StandardPwm | Self::OneShot125 => None,
-            Self::Dshot150 => Some(Line::one_way(Speed::Dshot150)),
-            Self::Dshot300 => Some(Line::one_way(Speed::Dshot300)),
-            Self::Dshot600 => Some(Line::one_way(Speed::Dshot600)),
-            Self::Dshot300Bidirectional => Some(Line::bidirectional(Speed::Dshot300)),
-            Self::Dshot600Bidirectional => Some(Line::bidirectional(Speed::Dshot600)),
-        }
-    }
-
-    /// Whether its frames are answered.
-    #[must_use]
-    pub const fn is_bidirectional(self) -> bool {
-        matches!(self.dshot(), Some(Line { is_bidirectional: true, .. }))
-    }
-}
-
-impl Pulse {
-    /// For [`Protocol::scale`].
-    #[must_use]
-    pub fn protocol(self) -> Protocol {
-        match self.protocol {
-            PulseProtocol::RawDuty => Protocol::RawDuty { frame_hz: u32::from(self.frame_hz) },
-            PulseProtocol::StandardPwm => Protocol::StandardPwm,
-            PulseProtocol::OneShot125 => Protocol::OneShot125,
-            PulseProtocol::Dshot150 => Protocol::Dshot(Speed::Dshot150),
-            PulseProtocol::Dshot300 | PulseProtocol::Dshot300Bidirectional => Protocol::Dshot(Speed::Dshot300),
-            PulseProtocol::Dshot600 | PulseProtocol::Dshot600Bidirectional => Protocol::Dshot(Speed::Dshot600),
-        }
-    }
 }
 
 /// What an excitation may do.

@@ -453,20 +453,6 @@ impl Settings {
     }
 }
 
-/// The shortest and the longest pulse of a protocol, microseconds, and for DShot the length of a frame, rounded up; a raw duty
-/// has none: it is bounded by the levels.
-#[must_use]
-pub const fn pulse_range_us(protocol: PulseProtocol) -> Option<(u32, u32)> {
-    match protocol {
-        PulseProtocol::RawDuty => None,
-        PulseProtocol::StandardPwm => Some((1000, 2000)),
-        PulseProtocol::OneShot125 => Some((125, 250)),
-        PulseProtocol::Dshot150 => Some((107, 107)),
-        PulseProtocol::Dshot300 | PulseProtocol::Dshot300Bidirectional => Some((54, 54)),
-        PulseProtocol::Dshot600 | PulseProtocol::Dshot600Bidirectional => Some((27, 27)),
-    }
-}
-
 /// For how long a line is left to the reply behind a frame, microseconds, rounded up.
 const fn reply_us(protocol: PulseProtocol) -> u32 {
     match protocol.dshot() {
@@ -485,7 +471,7 @@ fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
     if pulse.protocol == PulseProtocol::RawDuty {
         return within(place, pulse.frame_hz, (FRAME_RANGE_HZ.0, FASTEST_RAW_DUTY_HZ));
     }
-    let Some((_, longest_us)) = pulse_range_us(pulse.protocol) else { return Ok(()) };
+    let Some((_, longest_us)) = pulse.protocol.range_us() else { return Ok(()) };
     let longest_us = longest_us + reply_us(pulse.protocol);
     let max_frame_hz = 1_000_000 / (longest_us + SHORTEST_LEVEL_US);
     if u32::from(pulse.frame_hz) > max_frame_hz {

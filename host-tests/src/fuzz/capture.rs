@@ -2,20 +2,20 @@
 
 use rotorlead::capture::{Decoder, Faults, Level, Signal, Timing};
 use rotorlead::channel::{Channel, ChannelSettings, Input, State};
-use rotorlead::protocol::Protocol;
+use rotorlead::protocol::{Pulse, PulseProtocol};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
 use crate::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, us};
 use crate::paper_design;
 
-/// The protocols that the first byte chooses from.
-pub const PROTOCOLS: [Protocol; 6] = [
-    Protocol::StandardPwm,
-    Protocol::OneShot125,
-    Protocol::PAPER,
-    Protocol::RawDuty { frame_hz: 40 },
-    Protocol::RawDuty { frame_hz: 4000 },
-    Protocol::RawDuty { frame_hz: 1000 },
+/// The pulses that the first byte chooses from.
+pub const PULSES: [Pulse; 6] = [
+    PulseProtocol::StandardPwm.at(400),
+    PulseProtocol::OneShot125.at(2000),
+    Pulse::PAPER,
+    PulseProtocol::RawDuty.at(40),
+    PulseProtocol::RawDuty.at(4000),
+    PulseProtocol::RawDuty.at(1000),
 ];
 
 /// Any bytes as the life of an input: protocol, start of the timer, then events of three bytes.
@@ -27,9 +27,9 @@ pub const PROTOCOLS: [Protocol; 6] = [
 /// behind a channel the output is stop unless the decoder gave pulses.
 pub fn fuzz_capture(data: &[u8]) {
     let [choice, origin, events @ ..] = data else { return };
-    let protocol = PROTOCOLS[usize::from(*choice) % PROTOCOLS.len()];
-    let timing = Timing::new(protocol, TIMER_HZ, LOOP_HZ).expect("all of these protocols suit this timer");
-    let scale = protocol.scale(TIMER_HZ).expect("all of these protocols suit this timer");
+    let pulse = PULSES[usize::from(*choice) % PULSES.len()];
+    let timing = Timing::new(pulse, TIMER_HZ, LOOP_HZ).expect("all of these pulses suit this timer");
+    let scale = pulse.scale(TIMER_HZ).expect("all of these pulses suit this timer");
     let mut life = Life {
         decoder: Decoder::new(timing),
         channel: Channel::new(&ChannelSettings::default(), coefficients()).expect("defaults are in order"),

@@ -1,28 +1,28 @@
 //! From edges to pulses: frame rates, glitches, missing edges, stuck lines, floods, wrapping time stamps.
 
 use host_tests::cases;
-use host_tests::fuzz::{PROTOCOLS, fuzz_capture};
+use host_tests::fuzz::{PULSES, fuzz_capture};
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, decode_with, us};
 use proptest::prelude::*;
 use rotorlead::capture::{
     Decoder, FILTERED_POLLS, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing,
     TimingError,
 };
-use rotorlead::protocol::Protocol;
+use rotorlead::protocol::{Pulse, PulseProtocol};
 
-fn timing(protocol: Protocol) -> Timing {
-    Timing::new(protocol, TIMER_HZ, LOOP_HZ).unwrap()
+fn timing(pulse: Pulse) -> Timing {
+    Timing::new(pulse, TIMER_HZ, LOOP_HZ).unwrap()
 }
 
 /// A decoder that has seen the line low 100 µs before `origin`.
-fn seen_low(protocol: Protocol, origin: u32) -> Decoder {
-    let mut decoder = Decoder::new(timing(protocol));
+fn seen_low(pulse: Pulse, origin: u32) -> Decoder {
+    let mut decoder = Decoder::new(timing(pulse));
     decoder.edge(origin.wrapping_sub(us(100.0) as u32), Level::Low);
     decoder
 }
 
 fn servo() -> Decoder {
-    seen_low(Protocol::StandardPwm, 0)
+    seen_low(PulseProtocol::StandardPwm.at(400), 0)
 }
 
 /// 400 Hz, 1.5 ms.
@@ -53,23 +53,23 @@ fn first_loss(signals: &[(u64, Signal)]) -> Option<(u64, LossReason)> {
 fn frame_rates_from_40_hz_to_4_khz_are_decoded_to_the_tick() {
     let mut tried = Vec::new();
     for frame_hz in [40, 50, 333, 400, 490] {
-        tried.push((Protocol::StandardPwm, frame_hz, [900.0, 1000.0, 1500.37, 2000.0]));
+        tried.push((PulseProtocol::StandardPwm.at(frame_hz), [900.0, 1000.0, 1500.37, 2000.0]));
     }
     for frame_hz in [40, 400, 1000, 2000, 3999, 4000] {
-        tried.push((Protocol::OneShot125, frame_hz, [115.0, 125.0, 180.5, 230.0]));
+        tried.push((PulseProtocol::OneShot125.at(frame_hz), [115.0, 125.0, 180.5, 230.0]));
     }
     for frame_hz in [40, 600, 1000, 4000] {
         let frame_us = 1e6 / f64::from(frame_hz);
-        tried.push((Protocol::RawDuty { frame_hz }, frame_hz, [0.02, 0.4, 0.65, 0.98].map(|duty| duty * frame_us)));
+        tried.push((PulseProtocol::RawDuty.at(frame_hz), [0.02, 0.4, 0.65, 0.98].map(|duty| duty * frame_us)));
     }
-    for (protocol, frame_hz, pulses_us) in tried {
+    for (pulse, pulses_us) in tried {
         for width_us in pulses_us {
-            let (period, width) = (u64::from(TIMER_HZ / frame_hz), us(width_us));
+            let (period, width) = (u64::from(TIMER_HZ / u32::from(pulse.frame_hz)), us(width_us));
             let line = Line::pulses(us(30.0), period, width, 50);
-            let mut decoder = seen_low(protocol, 0);
+            let mut decoder = seen_low(pulse, 0);
             let glitch = u64::from(decoder.timing().glitch_ticks());
             let signals = decode(&mut decoder, &line, 0, us(30.0) + 50 * period + 2 * TICKS_PER_POLL);
-            let name = format!("{protocol:?} at {frame_hz} Hz, {width_us} us");
+            let name = format!("{pulse:?}, {width_us} us");
 
             assert!(widths(&signals).iter().all(|&ticks| u64::from(ticks) == width), "{name}");
             let ends: Vec<u64> = line.edges().chunks(2).skip(2).map(|pulse| pulse[1].0).collect();
@@ -113,7 +113,7 @@ fn an_input_is_live_after_three_pulses_in_a_row_and_not_before() {
 #[test]
 fn the_first_pulse_after_the_start_does_not_count() {
     for count in [3, 4] {
-        let mut decoder = Decoder::new(timing(Protocol::StandardPwm));
+        let mut decoder = Decoder::new(timing(PulseProtocol::StandardPwm.at(400)));
         let signals = decode(&mut decoder, &servo_pulses(500.0, count), 0, us(20_000.0));
         assert_eq!(widths(&signals).len() as u64, count - 3);
     }
@@ -371,7 +371,7 @@ fn time_stamps_wrap_without_a_trace() {
         for offset in [0_u32, 1, 2, 100] {
             let origin = 0_u32.wrapping_sub(time as u32).wrapping_add(offset);
             assert_eq!(
-                decode(&mut seen_low(Protocol::StandardPwm, origin), &line, origin, end),
+                decode(&mut seen_low(PulseProtocol::StandardPwm.at(400), origin), &line, origin, end),
                 expected,
                 "wrap at {time} - {offset}"
             );
@@ -411,13 +411,14 @@ fn an_edge_that_is_stamped_after_the_poll_is_not_old() {
 
 #[test]
 fn limits_that_cannot_work_are_refused_with_the_reason() {
-    let new = |protocol, timer_hz, poll_hz| Timing::new(protocol, timer_hz, poll_hz).unwrap_err();
-    assert_eq!(new(Protocol::StandardPwm, TIMER_HZ, 99), TimingError::PollRate { poll_hz: 99 });
+    let new = |pulse, timer_hz, poll_hz| Timing::new(pulse, timer_hz, poll_hz).unwrap_err();
+    assert_eq!(new(PulseProtocol::StandardPwm.at(400), TIMER_HZ, 99), TimingError::PollRate { poll_hz: 99 });
     for frame_hz in [39, 4001] {
-        assert_eq!(new(Protocol::RawDuty { frame_hz }, TIMER_HZ, LOOP_HZ), TimingError::FrameRate { frame_hz });
+        let error = TimingError::FrameRate { frame_hz: frame_hz.into() };
+        assert_eq!(new(PulseProtocol::RawDuty.at(frame_hz), TIMER_HZ, LOOP_HZ), error);
     }
-    assert!(matches!(new(Protocol::OneShot125, 500_000, LOOP_HZ), TimingError::Pulse(_)));
-    let timing = timing(Protocol::StandardPwm);
+    assert!(matches!(new(PulseProtocol::OneShot125.at(2000), 500_000, LOOP_HZ), TimingError::Pulse(_)));
+    let timing = timing(PulseProtocol::StandardPwm.at(400));
     let slowest = timing.period_range_ticks().1;
     assert!(timing.with_timeout_ticks(2 * slowest).is_ok() && timing.with_timeout_ticks(1 << 30).is_ok());
     for ticks in [2 * slowest - 1, (1 << 30) + 1] {
@@ -446,8 +447,8 @@ proptest! {
     #![proptest_config(cases(2000))]
 
     #[test]
-    fn any_edges_give_pulses_within_the_limits_only(line in any_line(), origin in any::<u32>(), which in 0..PROTOCOLS.len()) {
-        let mut decoder = Decoder::new(timing(PROTOCOLS[which]));
+    fn any_edges_give_pulses_within_the_limits_only(line in any_line(), origin in any::<u32>(), which in 0..PULSES.len()) {
+        let mut decoder = Decoder::new(timing(PULSES[which]));
         let (min, max) = decoder.timing().width_range_ticks();
         let shortest = decoder.timing().period_range_ticks().0;
         let end = line.edges().last().map_or(0, |edge| edge.0) + us(110_000.0);
@@ -469,7 +470,7 @@ proptest! {
     #[test]
     fn time_has_no_origin(line in any_line(), origin in any::<u32>()) {
         let end = line.edges().last().map_or(0, |edge| edge.0) + us(1000.0);
-        let mut elsewhere = seen_low(Protocol::StandardPwm, origin);
+        let mut elsewhere = seen_low(PulseProtocol::StandardPwm.at(400), origin);
         prop_assert_eq!(decode(&mut elsewhere, &line, origin, end), decode(&mut servo(), &line, 0, end));
     }
 
@@ -507,7 +508,7 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
         let (first, last) = (line.edges()[0].0, line.edges().last().unwrap().0);
         // Stamps wrap within it, and the time after it is longer than that for which the age of a stamp is right.
         for origin in [0, 0x8000_0000, u32::MAX - 1_000_000] {
-            let mut decoder = seen_low(Protocol::StandardPwm, origin);
+            let mut decoder = seen_low(PulseProtocol::StandardPwm.at(400), origin);
             let end = last + (1 << 32);
             let readings = decode_with(&mut decoder, &line, origin, end, Decoder::read);
             for (time, reading) in readings {
@@ -529,7 +530,8 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
     for n in 0..1000 {
         open = open.with_glitch(us(300.0) * (n + 1), us(0.4));
     }
-    let readings = decode_with(&mut seen_low(Protocol::StandardPwm, 0), &open, 0, us(300_000.0), Decoder::read);
+    let readings =
+        decode_with(&mut seen_low(PulseProtocol::StandardPwm.at(400), 0), &open, 0, us(300_000.0), Decoder::read);
     // The edge that showed the line low counts until the timeout.
     let late = readings.iter().filter(|&&(time, _)| time > timeout);
     for (time, reading) in late {

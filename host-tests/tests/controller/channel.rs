@@ -13,7 +13,6 @@ use rotorlead::channel::{
 use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::controller::{channels, filters};
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
-use rotorlead::protocol::Protocol;
 use rotorlead::settings::{HIGHEST_IDLE, Pulse, PulseProtocol};
 use rotorlead::throttle::{Command, EscCommand};
 
@@ -380,7 +379,7 @@ fn switched_out_the_channel_is_a_wire_within_its_limits() {
 /// Everything from the pin to the pulse: good pulses, silence, noise, good pulses again.
 #[test]
 fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
-    let scale = Protocol::StandardPwm.scale(TIMER_HZ).unwrap();
+    let scale = PulseProtocol::StandardPwm.at(400).scale(TIMER_HZ).unwrap();
     let servo = |start_us: f64, width_us: f64, count| Line::pulses(us(start_us), us(2500.0), us(width_us), count);
     // 0.25 s disarmed, 0.25 s armed, off; from 1 s on every 0.7 ms an edge: an open wire beside a motor.
     let mut line = servo(1000.0, 1000.0, 100).then(&servo(251_000.0, 1500.0, 100));
@@ -391,7 +390,7 @@ fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
     let line = line.then(&servo(2_600_000.0, 1500.0, 100)).then(&servo(2_900_000.0, 1000.0, 100));
     let line = line.then(&servo(3_200_000.0, 1250.0, 100));
 
-    let mut decoder = Decoder::new(Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap());
+    let mut decoder = Decoder::new(Timing::new(PulseProtocol::StandardPwm.at(400), TIMER_HZ, LOOP_HZ).unwrap());
     let mut channel = fresh();
     let signals = host_tests::line::decode(&mut decoder, &line, 0, us(3.449e6));
     let outputs: Vec<(f64, u32)> = signals

@@ -92,7 +92,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     control.parts_mut().outputs.starts.clear();
     control.parts_mut().outputs.interrupted = interrupted;
 
-    let input = settings.input.protocol().scale(timer_hz).unwrap();
+    let input = settings.input.scale(timer_hz).unwrap();
     let counter_hz = f64::from(frames(plan).counter_hz);
     let tick_s = 1.0 / f64::from(settings.loop_rate_hz);
     let counts_per_tick = counter_hz * tick_s;
@@ -301,12 +301,8 @@ fn the_latencies_of_the_documentation_are_those_of_the_model() {
     for row in rows {
         let number = |cell: &str| cell.split([' ', '°']).next().unwrap().parse::<f64>().unwrap();
         let (input_hz, output_hz) = (number(&row[1]), number(&row[2]));
-        let protocol = match row[0].as_str() {
-            "standard PWM" => PulseProtocol::StandardPwm,
-            "OneShot125" => PulseProtocol::OneShot125,
-            "raw duty" => PulseProtocol::RawDuty,
-            other => panic!("{other}"),
-        };
+        let protocol = PulseProtocol::ALL.into_iter().find(|protocol| protocol.specification().title == row[0]);
+        let protocol = protocol.unwrap_or_else(|| panic!("there is no {}", row[0]));
         let settings = settings(protocol, input_hz as u16, output_hz as u16);
         let follows = settings.output_follows_input();
         assert_eq!(row[3], if follows { "follow" } else { "run freely" }, "{row:?}");

@@ -335,7 +335,7 @@ struct HardwareTrace {
 /// While pulses come at the input's frame rate.
 fn hardware_trace(mut rig: Rig, settings: &Validated) -> HardwareTrace {
     let timer_hz = CRYSTAL.timer_hz;
-    let scale = settings.input.protocol().scale(timer_hz).unwrap();
+    let scale = settings.input.scale(timer_hz).unwrap();
     let control = &mut rig.hardware.board.control;
     let rate = settings.loop_rate_hz;
     let ticks_per_frame = rate / u32::from(settings.input.frame_hz);

@@ -62,6 +62,16 @@ fn bits(value: f64) -> i32 {
 }
 
 #[test]
+fn every_code_of_a_protocol_is_in_its_table() {
+    for (code, protocol) in (0..).zip(PulseProtocol::ALL) {
+        assert_eq!(postcard::from_bytes(&[code]), Ok(protocol));
+        let named = PulseProtocol::ALL.iter().filter(|other| other.name() == protocol.name());
+        assert_eq!(named.count(), 1, "{}", protocol.name());
+    }
+    assert!(postcard::from_bytes::<PulseProtocol>(&[PulseProtocol::ALL.len() as u8]).is_err());
+}
+
+#[test]
 fn the_defaults_are_valid_and_hold_the_papers_compensator() {
     let settings = Settings::default().validate().unwrap();
     assert_eq!(settings, Validated::default());

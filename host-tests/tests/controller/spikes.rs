@@ -6,7 +6,7 @@ use host_tests::spikes::{RATES_KHZ, WIDTHS_US, on_line, toggles};
 use rotorlead::capture::{Listening, Reading, Timing};
 use rotorlead::controller::Inputs;
 use rotorlead::controller::hardware::Edge;
-use rotorlead::protocol::Protocol;
+use rotorlead::protocol::{Pulse, PulseProtocol};
 
 /// Counts from sample to sample of the usual filter and of the long one, and samples in a row: `src/board/capture.rs`.
 const USUAL_COUNTS: u64 = 2;
@@ -132,15 +132,16 @@ const COMMANDS_US: [f64; 3] = [0.25, 0.6, 0.8];
 /// From reading a stamp to reading the level of its line: of a lone edge two registers, of which one takes some 12 cycles of 168 MHz.
 const READS_US: f64 = 0.2;
 
-fn play(protocol: Protocol, frame_hz: u32, sent: u64, spikes: &[u64]) -> Outcome {
-    let (low_us, span_us) = if protocol == Protocol::StandardPwm { (1000.0, 1000.0) } else { (125.0, 125.0) };
-    let period = u64::from(TIMER_HZ / frame_hz);
+fn play(pulse: Pulse, sent: u64, spikes: &[u64]) -> Outcome {
+    let (low_us, high_us) = pulse.protocol.range_us().unwrap();
+    let (low_us, span_us) = (f64::from(low_us), f64::from(high_us - low_us));
+    let period = u64::from(TIMER_HZ / u32::from(pulse.frame_hz));
     let width = |n: u64| us(low_us + span_us * COMMANDS_US[(n % 3) as usize]);
     let start = us(100.0);
     let line: Vec<u64> = (0..sent).flat_map(|n| [start + n * period, start + n * period + width(n)]).collect();
     let line = on_line(&line, spikes);
     let end = start + sent * period;
-    let timing = Timing::new(protocol, TIMER_HZ, LOOP_HZ).unwrap();
+    let timing = Timing::new(pulse, TIMER_HZ, LOOP_HZ).unwrap();
     let mut input = Input::new(timing, &line, end);
     let mut outcome = Outcome::default();
     let mut last = 0;
@@ -166,21 +167,21 @@ fn play(protocol: Protocol, frame_hz: u32, sent: u64, spikes: &[u64]) -> Outcome
 
 #[test]
 fn spikes_under_two_microseconds_cost_a_pulse_now_and_then_and_never_the_input() {
-    for (protocol, frame_hz) in
-        [(Protocol::StandardPwm, 50), (Protocol::StandardPwm, 400), (Protocol::OneShot125, 2000)]
+    for pulse in
+        [PulseProtocol::StandardPwm.at(50), PulseProtocol::StandardPwm.at(400), PulseProtocol::OneShot125.at(2000)]
     {
         for rate_khz in RATES_KHZ {
             for (seed, width_us) in (1..).zip(WIDTHS_US) {
                 // So few pulses are good for the 100 ms of the timeout that chance loses the input now and then.
-                if frame_hz == 50 && rate_khz > 50.0 {
+                if pulse.frame_hz == 50 && rate_khz > 50.0 {
                     continue;
                 }
                 let sent = 300;
-                let end = u64::from(TIMER_HZ / frame_hz) * sent;
+                let end = u64::from(TIMER_HZ / u32::from(pulse.frame_hz)) * sent;
                 let spikes = toggles(us(1000.0) as f64 / rate_khz, us(width_us), end, seed);
-                let outcome = play(protocol, frame_hz, sent, &spikes);
+                let outcome = play(pulse, sent, &spikes);
                 let Outcome { accepted, worst_us, longest_gap, .. } = outcome;
-                let name = format!("{protocol:?} at {frame_hz} Hz, spikes of {width_us} us at {rate_khz} kHz");
+                let name = format!("{pulse:?}, spikes of {width_us} us at {rate_khz} kHz");
                 println!("{name}: {accepted} of {sent}, {worst_us:.2} us off, {longest_gap} frames apart at most");
                 assert!(!outcome.lost && outcome.wrong == 0, "{name}: {outcome:?}");
                 // Most are lost where the pin is read within a spike: one edge in five with 1.9 us at 100 kHz.
@@ -199,7 +200,7 @@ fn an_oscillating_line_costs_a_bounded_number_of_interrupts() {
         let oscillation: Vec<u64> = (1..).map(|n| us(half_us * f64::from(n))).take_while(|at| *at < us(2e6)).collect();
         let line = on_line(&oscillation, &[]);
         let end = us(2e6);
-        let timing = Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap();
+        let timing = Timing::new(PulseProtocol::StandardPwm.at(400), TIMER_HZ, LOOP_HZ).unwrap();
         let most = timing.edges_per_poll() + 1;
         let mut input = Input::new(timing, &line, end);
         let ticks = (TICKS_PER_POLL..end).step_by(TICKS_PER_POLL as usize);

@@ -17,7 +17,6 @@ use rotorlead::link::{
     LineSet, Message, NO_INPUT, NOTICE_VERSION, PanicPlace, Path, RecordRequest, Refusal, Request, ResetReason, Sensed,
     Source, VERSION, encode_notice,
 };
-use rotorlead::protocol::Protocol;
 use rotorlead::settings::{
     DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store,
     Validated,
@@ -1074,7 +1073,7 @@ fn disarmed_then_armed() -> Line {
 /// What motor 0 puts out at every tick while `line` is at its input, seconds and microseconds; the others have nothing.
 fn outputs(line: &Line, seconds: f64) -> Vec<(f64, f64)> {
     let mut rig = Rig::new();
-    let mut decoder = Decoder::new(Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap());
+    let mut decoder = Decoder::new(Timing::new(PulseProtocol::StandardPwm.at(400), TIMER_HZ, LOOP_HZ).unwrap());
     decode(&mut decoder, line, 0, us(seconds * 1e6))
         .into_iter()
         .map(|(time, signal)| {

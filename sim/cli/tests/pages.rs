@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use rotorlead::protocol::PulseProtocol;
 use rotorlead_cli::help_pages;
 use rotorlead_plant::Catalog;
 use rotorlead_results::{catalog_markdown, with_catalog};
@@ -27,12 +28,29 @@ fn the_catalog_of_the_page_is_that_of_the_code() {
             assert!(section.contains(part), "{} is incomplete", kind.id);
         }
     }
-    let expected = with_catalog(&page, &section).unwrap();
+    hold(&path, &page, &with_catalog(&page, &section).unwrap());
+}
+
+/// Writes a page, or asserts that it is as it would be written.
+fn hold(path: &Path, page: &str, expected: &str) {
     if is_update() {
-        fs::write(&path, expected).unwrap();
+        fs::write(path, expected).unwrap();
     } else {
         assert_eq!(expected, page, "`cargo xtask docs` brings the page up to date");
     }
+}
+
+#[test]
+fn the_protocols_of_the_page_are_those_of_the_code() {
+    let path = docs().join("firmware.md");
+    let page = fs::read_to_string(&path).unwrap();
+    let (dshot, pulses): (Vec<_>, Vec<_>) = PulseProtocol::ALL.into_iter().partition(|one| one.dshot().is_some());
+    let [pulses, dshot] =
+        [pulses, dshot].map(|some| some.iter().map(|one| format!("`{}`", one.name())).collect::<Vec<_>>().join(", "));
+    let (before, rest) = page.split_once("| `input.protocol` | ").unwrap();
+    let (_, after) = rest.split_once(" on a [board that speaks it]").unwrap();
+    let row = format!("| `input.protocol` | {pulses}; {dshot} on a [board that speaks it]");
+    hold(&path, &page, &format!("{before}{row}{after}"));
 }
 
 #[test]

@@ -10,7 +10,8 @@
 //! It counts from the beginning of the input pulse to the beginning of the output pulse that carries its value. The time
 //! until the flight controller sends its next pulse, and the length of the pulse out, lie outside of the controller.
 
-use rotorlead::settings::{HIGHEST_STOP, Pulse, PulseProtocol, Settings, SettingsError, Validated, pulse_range_us};
+use rotorlead::protocol::UsualFrames;
+use rotorlead::settings::{HIGHEST_STOP, Pulse, PulseProtocol, Settings, SettingsError, Validated};
 use rotorlead::throttle::Command;
 use serde::Serialize;
 
@@ -71,10 +72,6 @@ pub struct Latency {
     pub output_frame: Delay,
 }
 
-/// Pulses of standard PWM that come and go in a second unless told otherwise: as the slowest of the usual flight controllers sends them, and
-/// as fast as many an ESC takes them.
-pub const STANDARD_FRAMES_HZ: [u16; 2] = [400, 450];
-
 impl Latency {
     /// For these pulses and this loop. The output follows the input where a controller with these settings lets it.
     ///
@@ -90,11 +87,12 @@ impl Latency {
         Ok(Self::of(&settings.validate()?, loop_rate_hz))
     }
 
-    /// With the pulses of the slowest of the usual flight controllers, [`STANDARD_FRAMES_HZ`].
+    /// With the pulses of standard PWM at their usual rates.
     #[must_use]
     pub fn standard(loop_rate_hz: f64) -> Self {
-        let [input, output] =
-            STANDARD_FRAMES_HZ.map(|frame_hz| Pulse { protocol: PulseProtocol::StandardPwm, frame_hz });
+        let protocol = PulseProtocol::StandardPwm;
+        let UsualFrames { input_hz, output_hz } = protocol.specification().usual_frames;
+        let (input, output) = (protocol.at(input_hz), protocol.at(output_hz));
         let settings = Settings { input, output, ..Settings::default() };
         // They are valid: a test holds them to it.
         Self::of(&settings.validate().unwrap_or_default(), loop_rate_hz)
@@ -165,7 +163,7 @@ fn frame_s(pulse: Pulse) -> f64 {
 
 /// The shortest and the longest pulse, seconds.
 fn pulse_range_s(pulse: Pulse) -> (f64, f64) {
-    match pulse_range_us(pulse.protocol) {
+    match pulse.protocol.range_us() {
         Some((shortest_us, longest_us)) => (1e-6 * f64::from(shortest_us), 1e-6 * f64::from(longest_us)),
         None => (0.0, frame_s(pulse)),
     }

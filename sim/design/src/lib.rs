@@ -17,7 +17,7 @@ mod steps;
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
 pub use inverse::{DesignedInverse, InverseOptions, MOST_OVER_REFERENCE, REACH, Setting, design_inverse};
-pub use latency::{Delay, FrameStart, Latency, STANDARD_FRAMES_HZ};
+pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};
 pub use robustness::{DEVIATIONS, Deviation, Robustness, robustness};

@@ -7,17 +7,6 @@ use rotorlead_records::files::did_you_mean;
 
 use super::DeviceError;
 
-/// Names of the protocols.
-const PROTOCOLS: [(&str, PulseProtocol); 8] = [
-    ("raw_duty", PulseProtocol::RawDuty),
-    ("standard_pwm", PulseProtocol::StandardPwm),
-    ("oneshot125", PulseProtocol::OneShot125),
-    ("dshot150", PulseProtocol::Dshot150),
-    ("dshot300", PulseProtocol::Dshot300),
-    ("dshot600", PulseProtocol::Dshot600),
-    ("dshot300_bidirectional", PulseProtocol::Dshot300Bidirectional),
-    ("dshot600_bidirectional", PulseProtocol::Dshot600Bidirectional),
-];
 /// What a compensator runs.
 const KINDS: [(&str, CompensatorKind); 2] = [("lead", CompensatorKind::Lead), ("inverse", CompensatorKind::Inverse)];
 /// What an output does without a signal.
@@ -144,7 +133,7 @@ impl<'a> Value<'a> {
             Self::Switch(value) => value.to_string(),
             Self::Kind(value) => find_name(&KINDS, **value),
             Self::Curve(value) => value.as_ref().map_or_else(|| NONE.to_owned(), curve_text),
-            Self::Protocol(value) => find_name(&PROTOCOLS, **value),
+            Self::Protocol(value) => value.name().to_owned(),
             Self::NoSignal(value) => find_name(&NO_SIGNAL, **value),
         }
     }
@@ -175,7 +164,9 @@ impl<'a> Value<'a> {
                 *place = if text == NONE { None } else { Some(read_curve(text)?) };
                 Ok(())
             }
-            Self::Protocol(place) => choose(&PROTOCOLS, place, text),
+            Self::Protocol(place) => {
+                choose(&PulseProtocol::ALL.map(|protocol| (protocol.name(), protocol)), place, text)
+            }
             Self::NoSignal(place) => choose(&NO_SIGNAL, place, text),
         }
     }

@@ -1,28 +1,13 @@
 //! The latency of a controller.
 
-use rotorlead::settings::{Pulse, PulseProtocol};
+use rotorlead::settings::Pulse;
 use rotorlead_design::{Chain, ChainPhase, Latency};
 use serde_json::{Value, json};
-
-/// A protocol as the settings of a controller name it.
-#[must_use]
-pub fn protocol_name(protocol: PulseProtocol) -> &'static str {
-    match protocol {
-        PulseProtocol::StandardPwm => "standard_pwm",
-        PulseProtocol::OneShot125 => "oneshot125",
-        PulseProtocol::RawDuty => "raw_duty",
-        PulseProtocol::Dshot150 => "dshot150",
-        PulseProtocol::Dshot300 => "dshot300",
-        PulseProtocol::Dshot600 => "dshot600",
-        PulseProtocol::Dshot300Bidirectional => "dshot300_bidirectional",
-        PulseProtocol::Dshot600Bidirectional => "dshot600_bidirectional",
-    }
-}
 
 /// The latency with its steps, what they are computed from, and what of it the holds of a sampled chain stand for, in seconds.
 #[must_use]
 pub fn latency_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Value {
-    let pulse = |pulse: Pulse| json!({ "protocol": protocol_name(pulse.protocol), "frame_hz": pulse.frame_hz });
+    let pulse = |pulse: Pulse| json!({ "protocol": pulse.protocol.name(), "frame_hz": pulse.frame_hz });
     let total = latency.total();
     let mut json = json!({
         "mean_s": total.mean_s,

@@ -45,7 +45,6 @@ pub use figures::bode::{Band, Curve, bode};
 pub use figures::excitation::{crest_factor, excitation};
 pub use fleet::{FleetRow, fleet_answer};
 pub use identify::{IdentifyResult, points_table, transform};
-pub use latency::protocol_name;
 pub use number::parameter_with_std;
 pub use overview::{Asked, Overview, Watch, lags};
 pub use recommendation::{

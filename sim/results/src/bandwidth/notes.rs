@@ -7,7 +7,6 @@ use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::Linearity;
 
 use super::BandwidthResult;
-use crate::latency::protocol_name;
 
 /// The pure delays, the holds of a sampled chain, and the effects, a sentence each.
 pub(super) fn counted(found: &BandwidthResult, chain: Chain) -> Vec<String> {
@@ -17,7 +16,7 @@ pub(super) fn counted(found: &BandwidthResult, chain: Chain) -> Vec<String> {
 fn delays(found: &BandwidthResult) -> String {
     let latency = &found.latency;
     let total = latency.total();
-    let pulse = |pulse: Pulse| format!("{} at {} Hz", protocol_name(pulse.protocol), pulse.frame_hz);
+    let pulse = |pulse: Pulse| format!("{} at {} Hz", pulse.protocol.name(), pulse.frame_hz);
     let start = match latency.frame_start {
         FrameStart::FollowsInput => "frames follow the input",
         FrameStart::FreeRunning => "frames run freely",
