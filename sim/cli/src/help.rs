@@ -2,6 +2,7 @@
 
 use clap::{Args as _, Command};
 
+use super::EXAMPLES;
 use super::identify_align::AlignOptions;
 use super::identify_stand::StandArguments;
 use super::latency::LatencyArguments;
@@ -32,29 +33,6 @@ const GROUPS: [Group; 7] = [
 const USUAL: [&str; 3] = ["column", "excitation", "kind"];
 /// Options of every command.
 const EVERYWHERE: [&str; 3] = ["quiet", "verbose", "force"];
-
-/// A line of each command that does something, in the order of the work.
-const EXAMPLES: [(&str, &str); 19] = [
-    ("new", "rotorlead new first"),
-    ("demo", "rotorlead demo"),
-    ("excite", "rotorlead excite --band 0.1..30 --out command.csv"),
-    ("simulate", "rotorlead simulate model.toml --out sim"),
-    ("import", "rotorlead import run1.csv run2.csv --excitation staircase --out stand"),
-    ("check", "rotorlead check stand"),
-    ("identify", "rotorlead identify log.csv --excitation staircase --out model.toml"),
-    ("validate", "rotorlead validate stand --model model.toml"),
-    ("compare", "rotorlead compare before.csv after.csv --excitation staircase"),
-    ("design", "rotorlead design model.toml --out compensator.toml"),
-    ("bandwidth", "rotorlead bandwidth model.toml --compensator compensator.toml"),
-    ("vehicle", "rotorlead vehicle model.toml"),
-    ("export", "rotorlead export model.toml --for px4"),
-    ("diagnose", "rotorlead diagnose stand --report diagnosis.html"),
-    ("fleet", "rotorlead fleet logs"),
-    ("report", "rotorlead report log.csv --excitation staircase"),
-    ("device", "rotorlead device --port /dev/ttyUSB0 info"),
-    ("completions", "rotorlead completions bash"),
-    ("man", "rotorlead man --out man"),
-];
 
 impl Group {
     const fn rare(declared: fn(Command) -> Command, heading: &'static str) -> Self {
@@ -98,7 +76,7 @@ pub fn with_common_options(program: Command) -> Command {
 
 /// What a command is shown by.
 pub fn example(command: &str) -> Option<&'static str> {
-    EXAMPLES.iter().find(|(name, _)| *name == command).map(|(_, line)| *line)
+    EXAMPLES.iter().find(|line| line.split(' ').nth(1) == Some(command)).copied()
 }
 
 #[cfg(test)]
@@ -108,13 +86,9 @@ mod tests {
 
     #[test]
     fn every_command_has_an_example_that_it_takes() {
-        let commands = command_line();
-        let names = commands.get_subcommands().map(Command::get_name).filter(|name| *name != "help");
-        assert_eq!(names.collect::<Vec<_>>().len(), EXAMPLES.len());
-        for (name, line) in EXAMPLES {
-            let matches =
-                command_line().try_get_matches_from(line.split(' ')).unwrap_or_else(|error| panic!("{error}"));
-            assert_eq!(matches.subcommand_name(), Some(name));
+        for command in command_line().get_subcommands().map(Command::get_name) {
+            let line = example(command).unwrap_or_else(|| panic!("`{command}` has no example"));
+            command_line().try_get_matches_from(line.split(' ')).unwrap_or_else(|error| panic!("{error}"));
         }
     }
 

@@ -43,7 +43,6 @@ mod wrong_use;
 
 use std::borrow::Cow;
 use std::io::{Write as _, stdout};
-use std::path::Path;
 
 use clap::builder::UnknownArgumentValueParser;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -55,7 +54,7 @@ use terminal_size::{Width, terminal_size_of};
 
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
-use self::outcome::{JsonOption, Outcome, Verbosity};
+use self::outcome::Verbosity;
 pub use self::wrong_use::WrongUse;
 
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the compensator that
@@ -91,27 +90,57 @@ With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 Exit status: 0 done, 1 failed, 2 wrong use, 129 hung up, 130 interrupted,
 131 quit, 143 terminated.";
 
-#[derive(Debug, Subcommand)]
-enum Command {
-    New(new::New),
-    Demo(demo::Demo),
-    Excite(excite::Excite),
-    Simulate(simulate::Simulate),
-    Import(import::Import),
-    Check(check::Check),
-    Identify(identify::Identify),
-    Validate(validate::Validate),
-    Compare(compare::Compare),
-    Design(design::Design),
-    Bandwidth(bandwidth::Bandwidth),
-    Vehicle(vehicle::Vehicle),
-    Export(export::Export),
-    Diagnose(diagnose::Diagnose),
-    Fleet(fleet::Fleet),
-    Report(report::ReportCommand),
-    Device(device::Device),
-    Completions(completions::Completions),
-    Man(man::Man),
+/// Declares the commands: of each its type, how it is run, and a line that it takes, which its help begins with.
+macro_rules! commands {
+    ($($name:ident($arguments:ty), $run:ident, $example:literal;)*) => {
+        #[derive(Debug, Subcommand)]
+        enum Command {
+            $($name($arguments),)*
+        }
+
+        impl Command {
+            fn run(&self, verbosity: Verbosity) -> miette::Result<()> {
+                match self {
+                    $(Self::$name(command) => commands!(@$run command, verbosity),)*
+                }
+            }
+        }
+
+        const EXAMPLES: &[&str] = &[$($example),*];
+    };
+    // An outcome, for people and as JSON.
+    (@answers $command:ident, $verbosity:ident) => { $command.json.answer(None, || $command.run(), $verbosity) };
+    // The same, where its JSON may go into the folder that it makes.
+    (@answers_into_folder $command:ident, $verbosity:ident) => {
+        $command.json.answer(Some(&$command.out), || $command.run(), $verbosity)
+    };
+    // What it finds, in an order of its own.
+    (@says $command:ident, $verbosity:ident) => { $command.say($verbosity) };
+    // A script or a page.
+    (@prints $command:ident, $verbosity:ident) => { $command.run() };
+}
+
+// In the order of the work. A new command is a file with its module above, and a line here.
+commands! {
+    New(new::New), says, "rotorlead new first";
+    Demo(demo::Demo), answers_into_folder, "rotorlead demo";
+    Excite(excite::Excite), answers, "rotorlead excite --band 0.1..30 --out command.csv";
+    Simulate(simulate::Simulate), answers_into_folder, "rotorlead simulate model.toml --out sim";
+    Import(import::Import), answers_into_folder, "rotorlead import run1.csv run2.csv --excitation staircase --out stand";
+    Check(check::Check), says, "rotorlead check stand";
+    Identify(identify::Identify), answers, "rotorlead identify log.csv --excitation staircase --out model.toml";
+    Validate(validate::Validate), answers, "rotorlead validate stand --model model.toml";
+    Compare(compare::Compare), answers, "rotorlead compare before.csv after.csv --excitation staircase";
+    Design(design::Design), answers, "rotorlead design model.toml --out compensator.toml";
+    Bandwidth(bandwidth::Bandwidth), answers, "rotorlead bandwidth model.toml --compensator compensator.toml";
+    Vehicle(vehicle::Vehicle), answers, "rotorlead vehicle model.toml";
+    Export(export::Export), answers, "rotorlead export model.toml --for px4";
+    Diagnose(diagnose::Diagnose), answers, "rotorlead diagnose stand --report diagnosis.html";
+    Fleet(fleet::Fleet), answers, "rotorlead fleet logs";
+    Report(report::ReportCommand), answers, "rotorlead report log.csv --excitation staircase";
+    Device(device::Device), says, "rotorlead device --port /dev/ttyUSB0 info";
+    Completions(completions::Completions), prints, "rotorlead completions bash";
+    Man(man::Man), prints, "rotorlead man --out man";
 }
 
 impl Arguments {
@@ -153,32 +182,7 @@ impl Arguments {
         if let Some((Width(columns), _)) = terminal_size_of(stdout()) {
             fit_terminal(columns.into());
         }
-        // Into a folder that is yet to be made the JSON may go too.
-        let say = |json: &JsonOption, folder: Option<&Path>, run: &dyn Fn() -> miette::Result<Outcome>| {
-            json.check(folder)?;
-            json.say(run, verbosity)
-        };
-        match &self.command {
-            Command::New(command) => command.say(verbosity),
-            Command::Check(command) => command.say(verbosity),
-            Command::Demo(command) => say(&command.json, Some(&command.out), &|| command.run()),
-            Command::Excite(command) => say(&command.json, None, &|| command.run()),
-            Command::Simulate(command) => say(&command.json, Some(&command.out), &|| command.run()),
-            Command::Import(command) => say(&command.json, Some(&command.out), &|| command.run()),
-            Command::Identify(command) => say(&command.json, None, &|| command.run()),
-            Command::Validate(command) => say(&command.json, None, &|| command.run()),
-            Command::Compare(command) => say(&command.json, None, &|| command.run()),
-            Command::Design(command) => say(&command.json, None, &|| command.run()),
-            Command::Bandwidth(command) => say(&command.json, None, &|| command.run()),
-            Command::Vehicle(command) => say(&command.json, None, &|| command.run()),
-            Command::Export(command) => say(&command.json, None, &|| command.run()),
-            Command::Diagnose(command) => say(&command.json, None, &|| command.run()),
-            Command::Fleet(command) => say(&command.json, None, &|| command.run()),
-            Command::Report(command) => say(&command.json, None, &|| command.run()),
-            Command::Device(command) => command.say(verbosity),
-            Command::Completions(command) => command.run(),
-            Command::Man(command) => command.run(),
-        }
+        self.command.run(verbosity)
     }
 }
 

@@ -152,6 +152,17 @@ impl JsonOption {
         }
     }
 
+    /// Checks its file, and runs and says as [`Self::say`] does. `out` is as in [`Self::check`].
+    pub fn answer(
+        &self,
+        out: Option<&Path>,
+        run: impl FnOnce() -> miette::Result<Outcome>,
+        verbosity: Verbosity,
+    ) -> miette::Result<()> {
+        self.check(out)?;
+        self.say(run, verbosity)
+    }
+
     /// Runs what has an outcome and prints it, or writes it, or both. Files that it writes are all replaced, or none is.
     pub fn say(&self, run: impl FnOnce() -> miette::Result<Outcome>, verbosity: Verbosity) -> miette::Result<()> {
         all_or_nothing(|| {
