@@ -9,15 +9,16 @@ mod schema_print;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
+    use board::generated::{INTERRUPTS, PINS, TITLE};
     use rotorlead::{link, settings::Settings};
 
-    println!("Pins of the STM32F405RG");
-    for pin in &board::pinout::PINS {
-        println!("  {:<5} {:<10} {}", pin.name, pin.function, pin.use_);
+    println!("Pins of the {TITLE}");
+    for [name, function, connect, level] in PINS {
+        println!("  {name:<5} {function:<10} {connect} ({level})");
     }
     println!("\nInterrupts, highest priority first");
-    for (name, what) in board::pinout::INTERRUPTS {
-        println!("  {name:<7} {what}");
+    for [priority, name, task, _] in INTERRUPTS {
+        println!("  {name:<7} {task}, priority {priority}");
     }
     println!("\nDefault settings\n{:#?}", Settings::default());
     println!("\nLink: version {}, frames of up to {} bytes", link::VERSION, link::FRAME_BYTES);

@@ -23,6 +23,8 @@ pub const ANSWER_LIMIT: Duration = Duration::from_secs(60);
 /// A board as QEMU has it.
 #[derive(Debug)]
 pub struct Board {
+    /// The board's name in its `board.toml`.
+    pub name: &'static str,
     /// The program.
     pub program: &'static str,
     /// Debian's package that has it.
@@ -37,6 +39,7 @@ pub struct Board {
 
 /// The emulated STM32F405. What it has of the chip and what not: QEMU's documentation, "STM32 boards".
 pub const STM32F405: Board = Board {
+    name: "stm32f405",
     program: "qemu-system-arm",
     package: "qemu-system-arm",
     // Models the clock registers.
@@ -46,7 +49,16 @@ pub const STM32F405: Board = Board {
     link_line: 2,
 };
 
+/// Every board that QEMU has.
+const MACHINES: [&Board; 1] = [&STM32F405];
+
 impl Board {
+    /// The board of a name, where QEMU has it.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        MACHINES.into_iter().find(|board| board.name == name)
+    }
+
     /// Major version of the QEMU that is installed; `None` where none runs.
     #[must_use]
     pub fn version(&self) -> Option<u32> {

@@ -8,19 +8,12 @@ pub use emulator::rp2040::pulses;
 use emulator::rp2040::{self, CYCLES_PER_S, Edge, Emulator, Flash as Bytes, Run, Trace};
 use rotorlead::dshot::Speed;
 use rotorlead::settings::{MOTORS, Settings, Store};
+use rotorlead_rp2040::generated::{FLASH_START, SETTINGS_START};
+pub use rotorlead_rp2040::generated::{INPUT_1, JUMPER, LED, OUTPUT_1, REGULATOR_MODE};
 
 use crate::flash::Flash;
 
-/// The first of the four inputs and of the four outputs: `boards/rp2040/src/pinout.rs`.
-pub const INPUT_1: u8 = 2;
-/// See [`INPUT_1`].
-pub const OUTPUT_1: u8 = 6;
-/// The jumper that allows excitation and injection.
-pub const JUMPER: u8 = 10;
-/// The lamp.
-pub const LED: u8 = 25;
-/// Where the settings are in the flash, and its sectors.
-const SETTINGS_OFFSET: u32 = 0x1F_E000;
+/// Bytes of a sector of the flash.
 const SECTOR: usize = 4096;
 
 /// The image that `cargo xtask test` has built.
@@ -62,7 +55,7 @@ pub fn stored(settings: &Settings) -> Bytes {
     let settings = settings.clone().validate().unwrap_or_else(|error| panic!("{error}"));
     let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
     store.save(&settings).unwrap_or_else(|error| panic!("{error:?}"));
-    Bytes { offset: SETTINGS_OFFSET, bytes: store.into_flash().bytes }
+    Bytes { offset: SETTINGS_START - FLASH_START, bytes: store.into_flash().bytes }
 }
 
 /// A stamp of an edge at an input with pulses.

@@ -2,11 +2,12 @@
 
 use rotorlead::capture::Listening;
 use rotorlead::controller::hardware::{CaptureTimer, Edge};
-use stm32f4xx_hal::gpio::{Alternate, PA0, PA1, PA2, PA3};
+use stm32f4xx_hal::gpio::Alternate;
 use stm32f4xx_hal::pac::{GPIOA, TIM2, tim2};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 use super::MOTORS;
+use super::generated::{Input1, Input2, Input3, Input4};
 
 /// The usual filter of an input (RM0090, TIMx_CCMR1, ICxF), and the long one. Both take 8 samples: a level that is shorter than 7
 /// of their periods is none, one of 8 always is, and both edges are late alike, to one period.
@@ -24,7 +25,7 @@ const LONG_FILTER: u32 = 0b1111;
 const _: () = assert!(7 * 32 * 1_000_000 / 84_000_000 >= 2 && 8 * 32 * 1_000_000 / 16_000_000 < 20);
 
 /// The pins of the inputs, routed to the timer, with their pull-downs.
-pub struct Pins(pub PA0<Alternate<1>>, pub PA1<Alternate<1>>, pub PA2<Alternate<1>>, pub PA3<Alternate<1>>);
+pub struct Pins(pub Input1<Alternate<1>>, pub Input2<Alternate<1>>, pub Input3<Alternate<1>>, pub Input4<Alternate<1>>);
 
 /// The capturing timer and its pins.
 pub struct Capture {

@@ -6,8 +6,9 @@
 #[cfg(target_os = "none")]
 use rotorlead::settings::MOTORS;
 
-#[cfg(not(target_os = "none"))]
-pub mod pinout;
+#[allow(dead_code, reason = "a host has no use for the addresses, and the board none for the tables")]
+#[rustfmt::skip]
+pub mod generated;
 
 #[cfg(target_os = "none")]
 pub mod capture;

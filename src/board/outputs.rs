@@ -14,19 +14,20 @@
 
 use rotorlead::controller::hardware::OutputHardware;
 use rotorlead::esc_output::put_out;
-use stm32f4xx_hal::gpio::{Input, PC6, PC7, PC8, PC9};
+use stm32f4xx_hal::gpio::Input;
 use stm32f4xx_hal::pac::{GPIOC, TIM3};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::timer::PwmChannel;
 
 use super::MOTORS;
+use super::generated::{Output1, Output2, Output3, Output4};
 
 /// Frame rate of the outputs, which are low, until the settings are loaded.
 const FIRST_FRAME_HZ: u32 = 400;
 
 /// The pins of the outputs.
-pub struct Pins(pub PC6<Input>, pub PC7<Input>, pub PC8<Input>, pub PC9<Input>);
+pub struct Pins(pub Output1<Input>, pub Output2<Input>, pub Output3<Input>, pub Output4<Input>);
 
 /// The timer with its four channels.
 pub struct Outputs {

@@ -4,8 +4,9 @@ use core::sync::atomic::Ordering;
 
 use rotorlead::controller::hardware::{BoardFacts, ControlHardware, NoInputFrames, RequestHardware};
 use rotorlead::systick::ControlTimer;
-use stm32f4xx_hal::gpio::{Input, PC12};
+use stm32f4xx_hal::gpio::Input;
 
+use super::generated::Jumper;
 use super::outputs::Outputs;
 use super::serial;
 use super::thrust_adc::ThrustAdc;
@@ -27,7 +28,7 @@ pub struct BoardStatus {
     /// What does not change.
     pub facts: BoardFacts,
     /// The jumper to ground that allows excitation and injection, against the pin's pull-up.
-    pub jumper: PC12<Input>,
+    pub jumper: Jumper<Input>,
 }
 
 impl RequestHardware for BoardStatus {

@@ -4,12 +4,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::link::BAUD;
-use stm32f4xx_hal::gpio::{Input, PC10, PC11};
+use stm32f4xx_hal::gpio::Input;
 use stm32f4xx_hal::pac::USART3;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::serial::config::{Config, InvalidConfig};
 use stm32f4xx_hal::serial::{RxListen as _, Serial as HalSerial};
 use stm32f4xx_hal::time::Bps;
+
+use super::generated::{LinkRx, LinkTx};
 
 /// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come
 /// in of a host that sends one request after another.
@@ -36,7 +38,7 @@ impl Serial {
     /// When the bus clock is too slow for [`BAUD`], which it is for none of the clocks.
     pub fn new(
         uart: USART3,
-        pins: (PC10<Input>, PC11<Input>),
+        pins: (LinkTx<Input>, LinkRx<Input>),
         received: Producer<'static, u8, RECEIVE_QUEUE>,
         to_send: Consumer<'static, u8, SEND_QUEUE>,
         rcc: &mut Rcc,

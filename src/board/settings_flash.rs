@@ -7,13 +7,16 @@
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use stm32f4xx_hal::pac::FLASH;
 
-/// First address of sector 10, behind the image (board.x).
-const START: usize = 0x080C_0000;
+use super::generated::{SETTINGS_BYTES, SETTINGS_START};
+
+/// First address of sector 10, behind the image.
+const START: usize = SETTINGS_START as usize;
 /// Sectors 10 and 11.
 const SECTORS: u8 = 2;
 const FIRST_SECTOR: u8 = 10;
 const SECTOR_BYTES: usize = 128 * 1024;
 const BYTES: usize = SECTOR_BYTES * SECTORS as usize;
+const _: () = assert!(BYTES == SETTINGS_BYTES as usize);
 /// Reads of the status register, at least 6 cycles each, before the flash counts as dead. It stalls such a read for as
 /// long as it is busy, so that one or two are the rule.
 const PATIENCE: u32 = 10_000_000;

@@ -3,22 +3,24 @@
 //! Set up by its registers: the HAL pulses the reset line of its bus, on which QEMU 10.0 ends.
 
 use rotorlead::controller::hardware::ThrustConverter;
-use stm32f4xx_hal::gpio::{Analog, PC0};
+use stm32f4xx_hal::gpio::Analog;
 use stm32f4xx_hal::pac::{ADC_COMMON, ADC1};
 use stm32f4xx_hal::rcc::{Enable, Rcc};
+
+use super::generated::Thrust;
 
 const CHANNEL: u8 = 10;
 
 /// The converter and its pin.
 pub struct ThrustAdc {
     converter: ADC1,
-    _pin: PC0<Analog>,
+    _pin: Thrust<Analog>,
     last: u16,
 }
 
 impl ThrustAdc {
     /// Switches it on: 12 bits, 28 + 12 cycles of a quarter of the bus clock per conversion (2 µs at 84 MHz).
-    pub fn new(converter: ADC1, common: &ADC_COMMON, pin: PC0<Analog>, rcc: &mut Rcc) -> Self {
+    pub fn new(converter: ADC1, common: &ADC_COMMON, pin: Thrust<Analog>, rcc: &mut Rcc) -> Self {
         ADC1::enable(rcc);
         // At most 36 MHz.
         common.ccr().modify(|_, w| w.adcpre().div4());

@@ -1,12 +1,14 @@
-//! The board's emulator, as the tasks use it.
+//! QEMU, as the tasks use it.
 
 use std::path::Path;
 
 use emulator::{Pace, Qemu};
 
-use crate::board::EMULATED;
+use crate::board::Board;
 use crate::run::{Result, run};
 
+/// The machine on which single functions are measured, and that the benchmarks of the application know.
+pub const EMULATED: &emulator::Board = &emulator::STM32F405;
 /// The program.
 pub const PROGRAM: &str = EMULATED.program;
 /// The package that has it.
@@ -21,8 +23,9 @@ pub fn version() -> Option<u32> {
     EMULATED.version()
 }
 
-/// Runs the image until it is interrupted, with its link on a TCP port of this machine: `tcp:127.0.0.1:PORT`.
-pub fn run_image(image: &Path, port: u16) -> Result {
+/// Runs the image of a board until it is interrupted, with its link on a TCP port of this machine: `tcp:127.0.0.1:PORT`.
+pub fn run_image(board: &Board, image: &Path, port: u16) -> Result {
+    let machine = emulator::Board::named(&board.name).ok_or_else(|| format!("QEMU has no {}", board.name))?;
     eprintln!("xtask: the link is at tcp:127.0.0.1:{port}; Ctrl-C ends the emulator");
-    run(&mut Qemu::new(EMULATED, image, Pace::RealTime).serve_link(port).into_command())
+    run(&mut Qemu::new(machine, image, Pace::RealTime).serve_link(port).into_command())
 }

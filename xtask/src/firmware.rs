@@ -3,35 +3,20 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::board::{BOARD, BOARDS, Board, PROBE_CHIP, RP2040};
+use crate::board::{self, Board};
 use crate::image::{Calls, Function, Image, flash_files};
 use crate::run::{Result, beside, cargo, command, output, run};
 use crate::sizes::{self, Sizes};
 use crate::{emulator, setup};
 
-/// The capture of the inputs.
-pub const CAPTURE: &str = BOARD.interrupts.capture.expect("the board has such an interrupt");
-/// The control task.
-pub const TICK: &str = BOARD.interrupts.tick;
-/// The link's bytes.
-pub const LINK: &str = BOARD.interrupts.link;
 /// A feature of the firmware that puts an indexing panic into its control task.
 pub const PLANTED: &str = "planted-panic";
 /// Set, tests write the pages that they hold.
 const UPDATE: &str = "ROTORLEAD_UPDATE_PAGES";
+/// How probe-rs runs an image, beside the chip. A core that the probe halts in its reset or fault would leave the last pulses running.
+pub const PROBE_OPTIONS: [&str; 2] = ["--no-catch-reset", "--no-catch-hardfault"];
 /// The test that runs the paper's experiment at every level.
 const EVERY_LEVEL: &str = "every_level_of_the_paper";
-
-/// The board of a name.
-///
-/// # Errors
-/// The names that there are.
-pub fn board(name: &str) -> Result<&'static Board> {
-    BOARDS.into_iter().find(|board| board.name == name).ok_or_else(|| {
-        let names: Vec<_> = BOARDS.iter().map(|board| board.name).collect();
-        format!("there is no board `{name}`: it may be {}", names.join(" or "))
-    })
-}
 
 /// Builds the image, prints its sizes, checks it, and writes the files that flash it.
 pub fn build(board: &'static Board) -> Result<Sizes> {
@@ -41,11 +26,11 @@ pub fn build(board: &'static Board) -> Result<Sizes> {
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let image = Image::read(&bytes)?;
     println!("image  {}", path.display());
-    println!("flash  {:>7} bytes of {}", image.flash_bytes, map.image.len());
-    println!("RAM    {:>7} bytes of {}", image.ram_bytes, board.ram.len());
+    println!("flash  {:>7} bytes of {}", image.flash_bytes, map.image_bytes);
+    println!("RAM    {:>7} bytes of {}", image.ram_bytes, board.ram().len());
     let stack = stack(board, &image)?;
     no_panic(board, &image)?;
-    println!("panics none reachable from {}", board.interrupts.path().collect::<Vec<_>>().join(", "));
+    println!("panics none reachable from {}", board.interrupts().collect::<Vec<_>>().join(", "));
     let files = flash_files::write(map, &bytes, &path, image.stack_start)?;
     println!("bin    {:>7} bytes: {}", files.bin.bytes, files.bin.path.display());
     println!("{:<6} {:>7} bytes: {}", map.form.extension(), files.formed.bytes, files.formed.path.display());
@@ -53,43 +38,44 @@ pub fn build(board: &'static Board) -> Result<Sizes> {
 }
 
 /// Builds the image for a board and gives its path.
-pub fn build_image(board: &Board, features: &[&str]) -> Result<PathBuf> {
-    let toolchain = setup::toolchain(board.target)?;
-    let all: Vec<&str> = board.feature.into_iter().chain(features.iter().copied()).collect();
-    let mut build = toolchain.cargo(&["build", "--package", board.package, "--bin", board.binary, "--locked"]);
+pub fn build_image(board: &'static Board, features: &[&str]) -> Result<PathBuf> {
+    let toolchain = setup::toolchain(&board.target)?;
+    let all: Vec<&str> = board.feature.as_deref().into_iter().chain(features.iter().copied()).collect();
+    let mut build = toolchain.cargo(&["build", "--package", &board.package, "--bin", &board.binary, "--locked"]);
     build.args(["--profile", "firmware", "--features", &all.join(",")]);
     // Variants go to a folder of their own, so that none is ever flashed.
     let folder =
         if features.is_empty() { toolchain.cargo_folder() } else { beside(&mut build, &toolchain.cargo_folder()) };
     run(&mut build)?;
-    Ok(folder.join(board.target).join("firmware").join(board.binary))
+    Ok(folder.join(&board.target).join("firmware").join(&board.binary))
 }
 
-/// Runs the image in the emulator.
+/// Runs the default board's image in the emulator.
 pub fn emulate(port: u16) -> Result {
     setup::emulator()?;
-    emulator::run_image(&build_image(BOARD, &[])?, port)
+    let board = board::default()?;
+    emulator::run_image(board, &build_image(board, &[])?, port)
 }
 
-/// Flashes the image with a debug probe and shows its log.
+/// Flashes the default board's image with a debug probe and shows its log.
 pub fn flash() -> Result {
+    let board = board::default()?;
+    let chip = board.probe_chip.as_ref().ok_or_else(|| format!("no debug probe flashes the {}", board.name))?;
     if output(&mut command("probe-rs", &["--version"])).is_none() {
         return Err("probe-rs is missing: `cargo install probe-rs-tools --locked` installs it".to_owned());
     }
-    let path = build_image(BOARD, &[])?;
-    // A core that the probe halts in its reset or fault would leave the last pulses running.
-    let options = ["run", "--chip", PROBE_CHIP, "--no-catch-reset", "--no-catch-hardfault"];
-    run(command("probe-rs", &options).arg(path))
+    let path = build_image(board, &[])?;
+    run(command("probe-rs", &["run", "--chip", chip]).args(PROBE_OPTIONS).arg(path))
 }
 
 /// Writes into each board's page what its image takes.
 pub fn state_sizes() -> Result {
-    BOARDS.into_iter().try_for_each(|board| sizes::update(board, build(board)?))
+    board::all()?.iter().try_for_each(|board| sizes::update(board, build(board)?))
 }
 
 /// What `build` checks, what the pages say of sizes, and that the check for panics finds one that is planted.
 pub fn check() -> Result {
-    for board in BOARDS {
+    for board in board::all()? {
         sizes::check(board, build(board)?)?;
         let panicking = build_image(board, &[PLANTED])?;
         let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
@@ -121,17 +107,16 @@ pub fn every_level() -> Result {
 /// The tests of these targets, with the images.
 fn in_emulator(targets: &[&str], options: &[&str]) -> Result<Command> {
     setup::emulator()?;
-    let (panicking, image) = (build_image(BOARD, &[PLANTED])?, build_image(BOARD, &[])?);
-    let (panicking_rp2040, rp2040) = (build_image(&RP2040, &[PLANTED])?, build_image(&RP2040, &[])?);
     // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
     let mut test = cargo(&["test", "--workspace", "--locked"]);
     test.args(targets.iter().flat_map(|target| ["--test", target])).args(["--", "--include-ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]).args(options);
-    test.env("ROTORLEAD_IMAGE", image)
-        .env("ROTORLEAD_PANICKING_IMAGE", panicking)
-        .env("ROTORLEAD_RP2040_IMAGE", rp2040)
-        .env("ROTORLEAD_PANICKING_RP2040_IMAGE", panicking_rp2040);
+    for board in board::all()?.iter().filter(|board| board.emulator.is_some()) {
+        let name = board.name.to_uppercase();
+        test.env(format!("ROTORLEAD_PANICKING_{name}_IMAGE"), build_image(board, &[PLANTED])?);
+        test.env(format!("ROTORLEAD_{name}_IMAGE"), build_image(board, &[])?);
+    }
     Ok(test)
 }
 
@@ -145,7 +130,7 @@ fn no_panic(board: &Board, image: &Image) -> Result {
     if !image.functions.iter().any(panics) {
         return Err("the image has no panic handler: the names that this looks for have changed".to_owned());
     }
-    for name in board.interrupts.path() {
+    for name in board.interrupts() {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
         cannot_panic(&calls, root, name)?;
     }
@@ -172,12 +157,12 @@ fn stack(board: &Board, image: &Image) -> Result<u64> {
         return Err("the way from Reset to main is not seen, so the stack of all that it calls is not known".to_owned());
     }
     let mut total = 0;
-    let interrupts = &board.interrupts;
-    for name in ["Reset"].into_iter().chain(interrupts.path()).chain(interrupts.above.iter().copied()) {
+    let above = board.exceptions_above.iter().map(String::as_str);
+    for name in ["Reset"].into_iter().chain(board.interrupts()).chain(above) {
         let root = function(name)?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;
-        let frame = if name == "Reset" { 0 } else { interrupts.frame_bytes };
+        let frame = if name == "Reset" { 0 } else { board.interrupt_frame_bytes };
         total += depth.bytes + frame;
         println!("stack  {:>7} bytes for {name}: {}", depth.bytes + frame, depth.path.join(" -> "));
     }

@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::board::BOARDS;
+use crate::board;
 use crate::run::{Result, cargo, output, root, run};
 use crate::setup;
 
 /// The package.
 const PACKAGE: &str = "rotorlead";
-/// Features with which it is linted here, one at a time.
-const LINTED: [&str; 3] = ["settings", "link", "stm32f405"];
+/// Features with which it is linted here, one at a time, beside those of its boards.
+const LINTED: [&str; 2] = ["settings", "link"];
 /// Those with which other checks build it: the workspace is linted with the first, the images of both cores are built with the first
 /// two, and an image of each with the third.
 const ELSEWHERE: [&str; 3] = ["controller", "systick", "planted-panic"];
@@ -31,11 +31,14 @@ pub fn check() -> Result {
     metadata(&manifest)?;
     links()?;
     let features = features(&manifest);
-    dependencies(&manifest, &features)?;
-    if let Some(new) = features.iter().find(|name| !LINTED.iter().chain(&ELSEWHERE).any(|known| known == name)) {
+    let own = board::all()?.iter().filter(|board| board.package == PACKAGE);
+    let boards: Vec<&str> = own.filter_map(|board| board.feature.as_deref()).collect();
+    dependencies(&manifest, &features, &boards)?;
+    let linted = LINTED.iter().chain(&boards);
+    if let Some(new) = features.iter().find(|name| !linted.clone().chain(&ELSEWHERE).any(|known| known == name)) {
         return Err(format!("the feature {new} is checked nowhere: add it to `LINTED` in xtask/src/library.rs"));
     }
-    for feature in [None].into_iter().chain(LINTED.map(Some)) {
+    for feature in [None].into_iter().chain(linted.copied().map(Some)) {
         let mut clippy = package("clippy", feature);
         run(clippy.args(["--all-targets", "--", "-D", "warnings"]))?;
     }
@@ -117,7 +120,7 @@ fn features(manifest: &Value) -> Vec<String> {
 
 /// An error where a package comes in that must not: with the default features any but [`DEFAULT_PACKAGES`], with another
 /// feature one of a board's.
-fn dependencies(manifest: &Value, features: &[String]) -> Result {
+fn dependencies(manifest: &Value, features: &[String], boards: &[&str]) -> Result {
     let default = tree(None)?;
     let others: Vec<&str> =
         default.iter().map(String::as_str).filter(|name| !DEFAULT_PACKAGES.contains(name)).collect();
@@ -125,7 +128,7 @@ fn dependencies(manifest: &Value, features: &[String]) -> Result {
         return Err(format!("the default features bring {}", others.join(", ")));
     }
     println!("the default features bring {}", Vec::from_iter(default).join(", "));
-    let is_board = |feature: &String| BOARDS.iter().any(|board| board.feature == Some(feature.as_str()));
+    let is_board = |feature: &String| boards.contains(&feature.as_str());
     let of_boards: BTreeSet<String> =
         features.iter().filter(|feature| is_board(feature)).flat_map(|board| own_packages(manifest, board)).collect();
     if of_boards.is_empty() {

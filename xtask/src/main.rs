@@ -26,10 +26,10 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
-  build    [--board stm32f405|rp2040] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
+  build    [--board NAME] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
-           (.bin), and as Intel HEX (.hex), or for the RP2040 as UF2 (.uf2) for its drive, and checks both; with --update-readme
-           writes the sizes of both boards' into the README and the RP2040's page;
+           (.bin), and as Intel HEX (.hex) or UF2 (.uf2), as its board.toml says, and checks both; with --update-readme
+           writes the sizes of every board's image into the page of that board;
            with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack;
            with --python the wheel of the Python package, in target/wheels
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
@@ -50,8 +50,8 @@ Usage: cargo xtask COMMAND
            make it shorter
   inverse  prints what the conditioned inverse is held to, and what its integers do on the paper's motors; a part of test
   bench    measures filters, the simulated stand and identification side by side, in one run;
-           with --firmware [--board stm32f405|rp2040] [--json FILE] instructions on the controller's core, in QEMU, or for the
-           RP2040 cycles of its interrupts and of its start, in rp2040js;
+           with --firmware [--board NAME] [--json FILE] instructions on the controller's core, in QEMU, or cycles of its
+           interrupts and of its start, in rp2040js;
            with --c what a step costs from C on both cores, and that it gives the library's bits, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
            where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
@@ -63,7 +63,8 @@ Usage: cargo xtask COMMAND
            or with --estimates to 0.05 of a standard deviation; with --freeze keeps those of today; a quarter of an hour
   fuzz     TARGET [--merge] [OPTION ...] fuzzes what comes from outside, with options of libFuzzer; with --merge stores what was found;
            takes a nightly compiler and cargo-fuzz: fuzz/README.md
-  docs     writes the pages under docs anew: the catalog of effects, the help of the commands, the C header, what the commands that the pages
+  boards   writes what follows from the board.toml of each board into its code, its memory map and its pages
+  docs     does that, too, and writes the pages under docs anew: the catalog of effects, the help of the commands, the C header, what the commands that the pages
            show print, and the figures that they draw
   help     prints this
 ";
@@ -91,8 +92,8 @@ type Task<'a> = Box<dyn FnOnce() -> run::Result + 'a>;
 fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
     Some(match arguments {
         ["setup"] => Box::new(setup::all),
-        ["build"] => Box::new(|| firmware::build(board::BOARD).map(drop)),
-        ["build", "--board", name] => Box::new(move || firmware::build(firmware::board(name)?).map(drop)),
+        ["build"] => Box::new(|| firmware::build(board::default()?).map(drop)),
+        ["build", "--board", name] => Box::new(move || firmware::build(board::named(name)?).map(drop)),
         ["build", "--c"] => Box::new(c_interface::build),
         ["build", "--python"] => Box::new(python::build),
         ["build", "--update-readme"] => Box::new(firmware::state_sizes),
@@ -110,6 +111,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["check-image"] => Box::new(firmware::check),
         ["test-image"] => Box::new(|| firmware::test(false)),
         ["test-image", "--update-page"] => Box::new(|| firmware::test(true)),
+        ["boards"] => Box::new(board::write),
         ["docs"] => Box::new(docs::write),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
@@ -117,11 +119,11 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["statistics"] => Box::new(statistics::all),
         ["inverse"] => Box::new(statistics::inverse),
         ["bench"] => Box::new(bench::all),
-        ["bench", "--firmware"] => Box::new(|| bench::firmware(board::BOARD, None)),
-        ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(board::BOARD, Some(file))),
-        ["bench", "--firmware", "--board", name] => Box::new(move || bench::firmware(firmware::board(name)?, None)),
+        ["bench", "--firmware"] => Box::new(|| bench::firmware(board::default()?, None)),
+        ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(board::default()?, Some(file))),
+        ["bench", "--firmware", "--board", name] => Box::new(move || bench::firmware(board::named(name)?, None)),
         ["bench", "--firmware", "--board", name, "--json", file] => {
-            Box::new(move || bench::firmware(firmware::board(name)?, Some(file)))
+            Box::new(move || bench::firmware(board::named(name)?, Some(file)))
         }
         ["bench", "--c"] => Box::new(c_interface::bench),
         ["bench", "--identify"] => Box::new(|| bench::identify(false, None)),

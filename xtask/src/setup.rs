@@ -1,20 +1,19 @@
 //! Installs what a Rust toolchain may lack: formatter, lints, the targets, compilers for C and C++, the emulators, Python, and a
 //! browser.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use ::emulator::rp2040;
 
-use crate::board::BOARD;
+use crate::board;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
 use crate::{apt, emulator, python_environment};
 
 /// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
 pub const SMALLEST_CORE: &str = "thumbv6m-none-eabi";
-/// What is built for beside the host.
-const CORES: [&str; 2] = [SMALLEST_CORE, BOARD.target];
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 /// Debian's compiler that comes with the source of its library, and a linker.
@@ -112,7 +111,7 @@ struct Need {
 }
 
 /// Everything that builds and tests need beside a Rust toolchain.
-fn needs() -> Vec<Need> {
+fn needs() -> Result<Vec<Need>> {
     let component = |name: &'static str, subcommand: &'static str| Need {
         name: name.to_owned(),
         is_there: Box::new(move || runs("cargo", &[subcommand, "--version"])),
@@ -124,7 +123,8 @@ fn needs() -> Vec<Need> {
         install: Box::new(move || add_target(target)),
     };
     let mut needs = vec![component("rustfmt", "fmt"), component("clippy", "clippy")];
-    needs.extend(CORES.map(target));
+    let boards = board::all()?.iter().map(|board| board.target.as_str());
+    needs.extend(boards.chain([SMALLEST_CORE]).collect::<BTreeSet<_>>().into_iter().map(target));
     needs.push(Need {
         name: emulator_name(),
         is_there: Box::new(has_emulator),
@@ -142,7 +142,7 @@ fn needs() -> Vec<Need> {
         is_there: Box::new(|| BROWSERS.iter().any(|program| runs(program, &["--version"]))),
         install: Box::new(|| apt::install(&[BROWSER_PACKAGE])),
     });
-    needs
+    Ok(needs)
 }
 
 /// The emulator of the RP2040, and what executes it.
@@ -202,7 +202,7 @@ fn install_rp2040() -> Result {
 
 /// Installs what is missing, and says what.
 pub fn all() -> Result {
-    for need in needs().iter().filter(|need| !(need.is_there)()) {
+    for need in needs()?.iter().filter(|need| !(need.is_there)()) {
         eprintln!("xtask: installs {}", need.name);
         (need.install)().map_err(|error| format!("{} is missing.\n{error}", need.name))?;
         if !(need.is_there)() {
@@ -214,7 +214,7 @@ pub fn all() -> Result {
 
 /// An error that names what is missing, and how it is installed. Changes nothing.
 pub fn check() -> Result {
-    let missing: Vec<String> = needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    let missing: Vec<String> = needs()?.into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
     if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
 }
 
@@ -240,7 +240,7 @@ fn has_emulator() -> bool {
 
 /// What builds for the controller.
 pub fn target() -> Result<Toolchain> {
-    toolchain(BOARD.target)
+    toolchain(&board::default()?.target)
 }
 
 /// What builds for a target: rustup's library for it, or else Debian's compiler.

@@ -19,7 +19,7 @@ pub struct Sizes {
 
 /// An error where the page states less than the image takes.
 pub fn check(board: &Board, sizes: Sizes) -> Result {
-    let page = board.sizes_page;
+    let page = &board.pages.sizes;
     let line_of = |text: &str| text.lines().find(|line| line.starts_with(BEGIN)).and_then(stated);
     let stated = line_of(&read(page)?).ok_or_else(|| format!("{page} has no line with {BEGIN:?}"))?;
     let parts = [("flash", sizes.flash), ("RAM", sizes.ram), ("stack", sizes.stack)];
@@ -36,11 +36,11 @@ pub fn check(board: &Board, sizes: Sizes) -> Result {
 
 /// Writes what was measured into the page.
 pub fn update(board: &Board, sizes: Sizes) -> Result {
-    let lines: Vec<_> = read(board.sizes_page)?
+    let lines: Vec<_> = read(&board.pages.sizes)?
         .lines()
         .map(|line| if line.starts_with(BEGIN) { sentence(sizes) } else { line.to_owned() })
         .collect();
-    let path = root().join(board.sizes_page);
+    let path = root().join(&board.pages.sizes);
     fs::write(&path, lines.join("\n") + "\n").map_err(|error| format!("{}: {error}", path.display()))?;
     check(board, sizes)
 }

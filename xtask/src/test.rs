@@ -4,7 +4,7 @@ use std::fs::File;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::board::RP2040;
+use crate::board;
 use crate::run::{Result, cargo, command, run, target_folder};
 use crate::setup;
 
@@ -83,15 +83,17 @@ impl Times {
         self.alone(part("build of the tests", [build]))?;
         let mut pages = cargo(&["doc", "--workspace", "--no-deps", "--locked"]);
         pages.env("RUSTDOCFLAGS", "-D warnings");
-        let mut counts = xtask("bench");
-        counts.arg("--firmware");
-        let mut cycles = xtask("bench");
-        cycles.args(["--firmware", "--board", RP2040.name]);
+        let emulated = board::all()?.iter().filter(|board| board.emulator.is_some());
+        let costs = emulated.map(|board| {
+            let mut cost = xtask("bench");
+            cost.args(["--firmware", "--board", &board.name]);
+            cost
+        });
         let [mut c_sizes, mut c_counts] = [xtask("build"), xtask("bench")];
         c_sizes.arg("--c");
         c_counts.arg("--c");
-        let last = [pages, xtask("library"), xtask("check-image"), c_sizes, counts, c_counts, cycles];
-        let checks = lints().commands.into_iter().chain(last);
+        let last = [pages, xtask("library"), xtask("check-image"), c_sizes, c_counts];
+        let checks = lints().commands.into_iter().chain(last).chain(costs);
         self.beside([
             part("host tests", [tests()]),
             part("Python package", [xtask("python")]),

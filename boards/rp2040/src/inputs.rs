@@ -18,11 +18,11 @@ use rotorlead::capture::Listening;
 use rotorlead::controller::hardware::{CaptureTimer, Edge, InputFrameHardware};
 use rotorlead::dshot::{Line, Offer, REPLY_BITS, Word};
 use rotorlead::settings::MOTORS;
+use rotorlead_rp2040::generated::INPUT_1;
 use rp2040_hal::pac::TIMER;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 
 use crate::clocks::{CORE_HZ, COUNT_CYCLES};
-use crate::pinout::INPUT_1;
 use crate::pins::{Pins, Pull};
 use crate::state_machines::{Block, Direction, Divider, StateMachines};
 

@@ -3,8 +3,6 @@
 //! On a host the same binary prints the pin-out.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-mod pinout;
-
 #[cfg(target_os = "none")]
 #[allow(unsafe_code, reason = "it lies where the boot ROM looks for it, and tells the core where its vectors are")]
 mod boot;
@@ -37,10 +35,12 @@ mod watchdog;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("Pins of the RP2040, and those of a Raspberry Pi Pico");
-    for pin in &pinout::PINS {
-        let pico = pin.pico.map_or_else(String::new, |number| format!("pin {number}"));
-        println!("  GP{:<4} {pico:<8} {}", pin.gpio, pin.use_);
+    use rotorlead_rp2040::generated::{PINS, TITLE};
+
+    println!("Pins of the {TITLE}");
+    for [name, pico, connect, level] in PINS {
+        let pico = if pico.is_empty() { String::new() } else { format!("pin {pico}") };
+        println!("  {name:<5} {pico:<8} {connect} ({level})");
     }
 }
 
@@ -62,11 +62,11 @@ mod app {
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
     use rotorlead::throttle::{Command, EscCommand};
+    use rotorlead_rp2040::generated::LED;
     use rp2040_hal::pac::{Interrupt, TIMER};
 
     use crate::inputs::{Capture, STAMPS_HELD};
     use crate::parts::{BoardStatus, Rp2040};
-    use crate::pinout::LED;
     use crate::postmortem;
     use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
     use crate::settings_flash::{COPIES, SettingsFlash};

@@ -10,12 +10,12 @@ use pio::{Program, pio_asm};
 use rotorlead::controller::hardware::OutputHardware;
 use rotorlead::dshot::{Frame, Line, ReplyWindow, WINDOW_LEVELS, WORD_LEVELS};
 use rotorlead::settings::MOTORS;
+use rotorlead_rp2040::generated::OUTPUT_1;
 use rp2040_hal::pac::PWM;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::pwm::CH;
 
 use crate::clocks::{CORE_HZ, COUNT_CYCLES};
-use crate::pinout::OUTPUT_1;
 use crate::pins::{Pins, Pull};
 use crate::state_machines::{Block, Direction, Divider, StateMachines};
 

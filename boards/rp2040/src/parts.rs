@@ -4,10 +4,10 @@ use core::sync::atomic::Ordering;
 
 use rotorlead::controller::hardware::{BoardFacts, ControlHardware, RequestHardware};
 use rotorlead::systick::ControlTimer;
+use rotorlead_rp2040::generated::JUMPER;
 
 use crate::inputs::InputFrames;
 use crate::outputs::Outputs;
-use crate::pinout::JUMPER;
 use crate::pins::Pins;
 use crate::serial;
 use crate::thrust_adc::ThrustAdc;

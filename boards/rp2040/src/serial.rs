@@ -7,11 +7,11 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::link::BAUD;
+use rotorlead_rp2040::generated::{LINK_RX, LINK_TX};
 use rp2040_hal::pac::UART0;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 
 use crate::clocks::CORE_HZ;
-use crate::pinout::{LINK_RX, LINK_TX};
 use crate::pins::{Pins, Pull};
 
 /// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come

@@ -5,14 +5,16 @@
 //! fast way of reading, and what the ROM has for that is some eight times slower.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use rotorlead_rp2040::generated::{FLASH_START, SETTINGS_BYTES, SETTINGS_START};
 use rp2040_hal::rom_data;
 
 /// Where the flash is read.
-const READ_ADDRESS: usize = 0x1000_0000;
-/// The first of the two sectors, behind the image (board.x).
-const START: u32 = 0x1F_E000;
+const READ_ADDRESS: usize = FLASH_START as usize;
+/// The first of the two sectors, behind the image.
+const START: u32 = SETTINGS_START - FLASH_START;
 const SECTOR_BYTES: u32 = 4096;
 const BYTES: u32 = 2 * SECTOR_BYTES;
+const _: () = assert!(BYTES == SETTINGS_BYTES);
 /// What the flash writes at once.
 const PAGE_BYTES: usize = 256;
 /// A larger unit of erasing, and its command, which the ROM takes where it can; here it never can.

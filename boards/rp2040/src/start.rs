@@ -4,6 +4,7 @@ use heapless::spsc::{Consumer, Producer};
 use rotorlead::controller::hardware::{BoardFacts, ControlParts};
 use rotorlead::link::BrownOut;
 use rotorlead::systick::ControlTimer;
+use rotorlead_rp2040::generated::{JUMPER, LED};
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::{Peripherals, RESETS, TIMER};
 
@@ -12,7 +13,6 @@ use crate::clocks::{self, Parts};
 use crate::inputs::{self, Capture, InputFrames};
 use crate::outputs::Outputs;
 use crate::parts::{BoardStatus, Rp2040};
-use crate::pinout::{JUMPER, LED};
 use crate::pins::{Pins, Pull};
 use crate::postmortem;
 use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};

@@ -1,9 +1,9 @@
 //! The converter, input 0: the amplifier of the thrust sensor, one conversion per control tick.
 
 use rotorlead::controller::hardware::ThrustConverter;
+use rotorlead_rp2040::generated::{REGULATOR_MODE, THRUST};
 use rp2040_hal::pac::ADC;
 
-use crate::pinout::{REGULATOR_MODE, THRUST};
 use crate::pins::Pins;
 
 /// The converter: 12 bits in 96 cycles of 48 MHz, 2 µs.

@@ -27,7 +27,7 @@ pub const PATIENCE: Duration = ANSWER_LIMIT;
 /// When it has not.
 #[must_use]
 pub fn image() -> PathBuf {
-    named("ROTORLEAD_IMAGE")
+    named("ROTORLEAD_STM32F405_IMAGE")
 }
 
 /// The same with a panic in its control task, which strikes when the first output goes above one half.
@@ -36,7 +36,7 @@ pub fn image() -> PathBuf {
 /// When `cargo xtask test` has not named it.
 #[must_use]
 pub fn panicking_image() -> PathBuf {
-    named("ROTORLEAD_PANICKING_IMAGE")
+    named("ROTORLEAD_PANICKING_STM32F405_IMAGE")
 }
 
 pub(crate) fn named(variable: &str) -> PathBuf {

@@ -8,11 +8,6 @@ use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, enco
 use rotorlead::settings::{FRAME_RANGE_HZ, Key, Origin, Settings, Store};
 use rotorlead_device::{entries, set};
 
-#[path = "../../../src/board/pinout.rs"]
-mod pinout;
-#[path = "../../../boards/rp2040/src/pinout.rs"]
-mod rp2040_pinout;
-
 /// A file of the repository.
 fn file(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
@@ -50,34 +45,6 @@ fn with_any_frame() -> Settings {
 }
 
 #[test]
-fn the_pins_are_those_of_the_firmware() {
-    let rows = table(&file("docs/wiring.md"), "| pin ");
-    let listed: Vec<(&str, &str)> = rows.iter().map(|row| (row[0].as_str(), row[1].as_str())).collect();
-    let used: Vec<(&str, &str)> = pinout::PINS.iter().map(|pin| (pin.name, pin.function)).collect();
-    assert_eq!(listed, used);
-    for (row, pin) in rows.iter().zip(&pinout::PINS) {
-        // Number and direction: `input 3` is not to become `input 2`.
-        let what: String = pin.use_.chars().take_while(|&c| c != ',' && c != ' ').collect();
-        assert!(row[2].starts_with(&what), "{}: {} is not {}", pin.name, row[2], pin.use_);
-        if let Some(number) = pin.use_.chars().find(char::is_ascii_digit).filter(|_| what.ends_with("put")) {
-            assert!(row[2].starts_with(&format!("{what} {number}")), "{}: {} is not {}", pin.name, row[2], pin.use_);
-        }
-    }
-}
-
-#[test]
-fn the_interrupts_are_in_the_order_of_the_firmware() {
-    let rows = table(&file("docs/firmware.md"), "| priority ");
-    let listed: Vec<&str> = rows.iter().map(|row| row[1].as_str()).collect();
-    let used = pinout::INTERRUPTS.map(|(name, _)| if name == "none" { "idle" } else { name });
-    assert_eq!(listed, used);
-    for (row, (_, what)) in rows.iter().zip(pinout::INTERRUPTS) {
-        let priority = what.rsplit_once("priority ").map_or("none", |(_, priority)| priority);
-        assert_eq!(row[0], priority, "{}", row[1]);
-    }
-}
-
-#[test]
 fn the_settings_have_the_names_and_defaults_of_the_code() {
     let rows = table(&file("docs/firmware.md"), "| key ");
     let name = |key: &Key| if key.is_of_a_motor() { format!("motor.N.{}", key.name()) } else { key.name().to_owned() };
@@ -99,21 +66,6 @@ fn the_settings_have_the_names_and_defaults_of_the_code() {
             }
             _ => assert_eq!(row[2], *value, "{name}"),
         }
-    }
-}
-
-#[test]
-fn the_pins_of_the_rp2040_are_those_of_its_firmware() {
-    let rows = table(&file("docs/board-rp2040.md"), "| GPIO ");
-    let used: Vec<[String; 2]> = rp2040_pinout::PINS
-        .iter()
-        .map(|pin| [format!("GP{}", pin.gpio), pin.pico.map_or_else(String::new, |number| number.to_string())])
-        .collect();
-    let written: Vec<[String; 2]> = rows.iter().map(|row| [row[0].clone(), row[1].clone()]).collect();
-    assert_eq!(written, used);
-    for (row, pin) in rows.iter().zip(&rp2040_pinout::PINS) {
-        let what = pin.use_.split(&[',', ' ']).next().unwrap();
-        assert!(row[2].contains(what), "GP{} is for the {what}: {}", pin.gpio, row[2]);
     }
 }
 

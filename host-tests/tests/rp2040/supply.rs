@@ -1,7 +1,7 @@
 //! The supply: the core's brown-out detector, and the mode of the board's regulator.
 
 use emulator::rp2040::{Edge, Emulator, Region, Run};
-use host_tests::pins::{self, ms};
+use host_tests::pins::{self, REGULATOR_MODE, ms};
 
 /// The brown-out detector's register.
 const BROWN_OUT: u32 = 0x4006_4004;
@@ -16,9 +16,6 @@ fn the_brown_out_detector_is_on_at_0_946_v() {
     let register = u32::from_le_bytes(*trace.memory[0].first_chunk().unwrap());
     assert_eq!((473 + 43 * (register >> 4 & 0xf), register & 1), (946, 1));
 }
-
-/// The pin that tells the Pico's regulator its mode.
-const REGULATOR_MODE: u8 = 23;
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]

@@ -17,10 +17,13 @@ use rotorlead::throttle::{Command, PulseScale};
 use super::inputs::{INPUTS, Inputs};
 use super::machine::Machine;
 use super::trace::{Cost, Locked, interrupted_at, locks, trace, trace_lock};
-use crate::firmware::{CAPTURE, LINK, TICK};
 use crate::image::Image;
 use crate::run::Result;
 
+/// The capture of the inputs, the control task, and the link's bytes, as the vector table has them.
+const CAPTURE: &str = "TIM2";
+const TICK: &str = "SysTick";
+const LINK: &str = "USART3";
 /// TIM3 puts out the pulses.
 const TIM3_PRESCALER: u32 = 0x4000_0428;
 const TIM3_WIDTHS: u32 = 0x4000_0434;

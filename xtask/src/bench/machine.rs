@@ -5,7 +5,7 @@ use std::path::Path;
 
 use emulator::{Debugger, Listener, Pace, Process, Qemu};
 
-use crate::board::EMULATED;
+use crate::emulator::EMULATED;
 use crate::run::Result;
 use crate::setup;
 

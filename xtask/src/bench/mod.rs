@@ -14,7 +14,7 @@ pub mod trace;
 
 use std::path::{Path, PathBuf};
 
-use crate::board::{BOARD, Board, RP2040};
+use crate::board::{Board, Emulator};
 use crate::image::Image;
 use crate::run::{Result, cargo, run};
 use crate::{firmware, setup};
@@ -29,17 +29,21 @@ pub fn all() -> Result {
     identify(false, None)
 }
 
-/// What the image costs on a board's core: of the RP2040 cycles of its handlers, and of the STM32F405 instructions of its
-/// interrupts, and of the filter beside its peers.
-pub fn firmware(board: &Board, json: Option<&str>) -> Result {
-    let missed = if board.name == RP2040.name {
-        let report = rp2040::measure()?;
-        say(&report, &report.json(), json)?;
-        report.missed()
-    } else {
-        let report = measure()?;
-        say(&report, &report.json(), json)?;
-        report.missed()
+/// What the image costs on a board's core: in rp2040js cycles of its handlers, and in QEMU instructions of its interrupts, and of the
+/// filter beside its peers.
+pub fn firmware(board: &'static Board, json: Option<&str>) -> Result {
+    let missed = match board.emulator {
+        Some(Emulator::Rp2040js) => {
+            let report = rp2040::measure(board)?;
+            say(&report, &report.json(), json)?;
+            report.missed()
+        }
+        Some(Emulator::Qemu) => {
+            let report = measure(board)?;
+            say(&report, &report.json(), json)?;
+            report.missed()
+        }
+        None => return Err(format!("nothing emulates the {}", board.name)),
     };
     // The figures must hold what is said of them.
     if missed.is_empty() { Ok(()) } else { Err(missed.join("\n")) }
@@ -58,8 +62,8 @@ fn say(table: &impl std::fmt::Display, numbers: &serde_json::Value, json: Option
     Ok(())
 }
 
-fn measure() -> Result<report::Report> {
-    let path = firmware::build_image(BOARD, &[])?;
+fn measure(board: &'static Board) -> Result<report::Report> {
+    let path = firmware::build_image(board, &[])?;
     let interrupts = with_image(&path, |image| application::measure(&path, image))?;
     let path = build_filters()?;
     let filters = with_image(&path, |image| filters::measure(&path, image))?;

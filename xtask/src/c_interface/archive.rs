@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::board::BOARD;
+use crate::board;
 use crate::image::{Calls, Image};
 use crate::run::{Result, beside, root, run, target_folder};
 use crate::{firmware, setup};
@@ -61,7 +61,7 @@ impl Core {
         build.env("CARGO_TARGET_DIR", self.folder());
         let folder = if features.is_empty() { self.folder() } else { beside(&mut build, &self.folder()) };
         run(build.env("RUSTFLAGS", format!("-C target-cpu={} -C target-feature={}", self.cpu, self.without)))?;
-        Ok(folder.join(BOARD.target).join("firmware/librotorlead_c.a"))
+        Ok(folder.join(&board::default()?.target).join("firmware/librotorlead_c.a"))
     }
 
     fn folder(&self) -> PathBuf {

@@ -8,25 +8,49 @@ use std::path::{Path, PathBuf};
 use ihex::{Reader, Record};
 use object::read::elf::{FileHeader, ProgramHeader};
 use object::{Endianness, elf};
+use serde::Deserialize;
 
 use super::uf2;
 use crate::run::Result;
 
-/// What is where in a board's flash.
-#[derive(Debug)]
+/// What is where in a board's flash: the image from its start on, and the settings behind it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FlashMap {
-    /// The image may take this.
-    pub image: Range<u32>,
-    /// Where the settings are.
-    pub settings: Range<u32>,
-    /// Where the image's vector table is.
-    pub vectors: u32,
+    /// First address.
+    pub start: u32,
+    /// How much of the image is the second stage of a boot, in front of the vector table.
+    #[serde(default)]
+    pub boot_bytes: u32,
+    /// What the image may take.
+    pub image_bytes: u32,
+    /// What the settings have.
+    pub settings_bytes: u32,
     /// The form beside the raw binary.
     pub form: Form,
 }
 
+impl FlashMap {
+    /// The image may take this.
+    pub const fn image(&self) -> Range<u32> {
+        self.start..self.start + self.image_bytes
+    }
+
+    /// Where the settings are.
+    pub const fn settings(&self) -> Range<u32> {
+        let start = self.image().end;
+        start..start + self.settings_bytes
+    }
+
+    /// Where the image's vector table is.
+    pub const fn vectors(&self) -> u32 {
+        self.start + self.boot_bytes
+    }
+}
+
 /// A form of the flash's content.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
 pub enum Form {
     /// Intel HEX.
     Hex,
@@ -94,7 +118,7 @@ pub struct FlashFiles {
 pub fn write(map: &FlashMap, file: &[u8], path: &Path, stack_start: u32) -> Result<FlashFiles> {
     remove(map, path)?;
     let content = content(map, file)?;
-    let encoded = map.form.encode(map.image.start, &content)?;
+    let encoded = map.form.encode(map.start, &content)?;
     let [bin, formed] = paths(map, path);
     fs::write(&bin, &content).map_err(|error| format!("{}: {error}", bin.display()))?;
     fs::write(&formed, &encoded).map_err(|error| format!("{}: {error}", formed.display()))?;
@@ -171,7 +195,7 @@ fn content(map: &FlashMap, file: &[u8]) -> Result<Vec<u8>> {
 
 /// Puts data at an address behind what is there, and fills the gap.
 fn append(map: &FlashMap, content: &mut Vec<u8>, address: u32, data: &[u8]) -> Result {
-    let FlashMap { image, settings, .. } = map;
+    let (image, settings) = (map.image(), map.settings());
     let end = u64::from(address) + data.len() as u64;
     if (image.start..settings.end).contains(&address) && end > u64::from(settings.start) {
         return Err(format!(
@@ -227,7 +251,7 @@ fn from_hex(map: &FlashMap, text: &str) -> Result<Vec<u8>> {
 
 /// Checks the first two words of the vector table: the initial stack pointer and the address of the reset handler.
 fn check_vectors(map: &FlashMap, content: &[u8], stack_start: u32) -> Result {
-    let table = content.get((map.vectors - map.image.start) as usize..).unwrap_or_default();
+    let table = content.get(map.boot_bytes as usize..).unwrap_or_default();
     let Some((&[a, b, c, d, e, f, g, h], _)) = table.split_first_chunk() else {
         return Err(format!("the image has {} bytes: too short for a vector table", content.len()));
     };
@@ -235,11 +259,11 @@ fn check_vectors(map: &FlashMap, content: &[u8], stack_start: u32) -> Result {
     if stack != stack_start {
         return Err(format!("the initial stack pointer is {stack:#010x}, and _stack_start is {stack_start:#010x}"));
     }
-    let end = map.image.start + content.len() as u32;
-    if reset % 2 == 0 || !(map.vectors..end).contains(&reset) {
+    let end = map.start + content.len() as u32;
+    if reset % 2 == 0 || !(map.vectors()..end).contains(&reset) {
         return Err(format!(
             "the reset handler is at {reset:#010x}: an odd address (Thumb code) from {:#010x} to {end:#010x} was expected",
-            map.vectors
+            map.vectors()
         ));
     }
     Ok(())
@@ -251,12 +275,17 @@ mod tests {
     use object::endian::{Endianness, U16, U32};
     use object::pod::bytes_of;
 
-    use super::{ERASED, FlashMap, check_vectors, content, from_hex, to_hex, write};
-    use crate::board::STM32F405;
+    use super::{ERASED, FlashMap, Form, check_vectors, content, from_hex, to_hex, write};
 
-    const MAP: &FlashMap = &STM32F405.flash;
-    const FLASH: std::ops::Range<u32> = MAP.image.start..MAP.image.end;
-    const SETTINGS: std::ops::Range<u32> = MAP.settings.start..MAP.settings.end;
+    const MAP: &FlashMap = &FlashMap {
+        start: 0x0800_0000,
+        boot_bytes: 0,
+        image_bytes: 0xC_0000,
+        settings_bytes: 0x4_0000,
+        form: Form::Hex,
+    };
+    const FLASH: std::ops::Range<u32> = MAP.image();
+    const SETTINGS: std::ops::Range<u32> = MAP.settings();
 
     const LITTLE: Endianness = Endianness::Little;
     const RAM: u32 = 0x2000_0000;

@@ -3,6 +3,8 @@
 //! A file is a row of blocks of 512 bytes, of which each says where its 256 bytes of data belong, so that they may come in any order.
 //! Source: the specification, microsoft/uf2 on GitHub.
 
+use serde::Deserialize;
+
 use crate::run::Result;
 
 /// Words at the beginning of a block, and at its end.
@@ -17,20 +19,9 @@ const PAGE_BYTES: usize = 256;
 /// Value of an erased byte.
 const ERASED: u8 = 0xFF;
 
-/// The chips that take a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
-    /// RP2040.
-    Rp2040,
-}
-
-impl Family {
-    const fn id(self) -> u32 {
-        match self {
-            Self::Rp2040 => 0xE48B_FF56,
-        }
-    }
-}
+/// The identifier of the chips that take a file: one of the specification's list of families.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+pub struct Family(u32);
 
 /// A file that puts content at an address. The last page is filled up as erased.
 pub fn encode(family: Family, start: u32, content: &[u8]) -> Vec<u8> {
@@ -40,7 +31,7 @@ pub fn encode(family: Family, start: u32, content: &[u8]) -> Vec<u8> {
     for (number, page) in (0..).zip(pages) {
         let address = start + number * PAGE_BYTES as u32;
         let [first, second] = MAGIC;
-        let header = [first, second, HAS_FAMILY, address, PAGE_BYTES as u32, number, count, family.id()];
+        let header = [first, second, HAS_FAMILY, address, PAGE_BYTES as u32, number, count, family.0];
         let block_start = file.len();
         file.extend(header.iter().flat_map(|word| word.to_le_bytes()));
         file.extend_from_slice(page);
@@ -68,7 +59,7 @@ pub fn decode(family: Family, file: &[u8]) -> Result<Vec<(u32, &[u8])>> {
         if [word(0), word(1)] != MAGIC || word(BLOCK_BYTES / 4 - 1) != MAGIC_END {
             return Err(problem("it does not begin and end as a block"));
         }
-        if word(2) & HAS_FAMILY == 0 || word(7) != family.id() {
+        if word(2) & HAS_FAMILY == 0 || word(7) != family.0 {
             return Err(problem("it is for another chip"));
         }
         if word(5) as usize != number || word(6) as usize != blocks.len() {
@@ -86,14 +77,16 @@ pub fn decode(family: Family, file: &[u8]) -> Result<Vec<(u32, &[u8])>> {
 mod tests {
     use super::*;
 
+    /// RP2040.
+    const FAMILY: Family = Family(0xE48B_FF56);
     const START: u32 = 0x1000_0000;
 
     #[test]
     fn a_file_has_every_byte_at_its_address_and_is_filled_up_as_erased() {
         for length in [1, 255, 256, 257, 100_000] {
             let content: Vec<u8> = (0..length).map(|index| (index * 31 % 251) as u8).collect();
-            let file = encode(Family::Rp2040, START, &content);
-            let pages = decode(Family::Rp2040, &file).unwrap();
+            let file = encode(FAMILY, START, &content);
+            let pages = decode(FAMILY, &file).unwrap();
             assert_eq!(pages.len(), content.len().div_ceil(PAGE_BYTES));
             for (number, (address, bytes)) in (0..).zip(&pages) {
                 assert_eq!(*address, START + number * 256);
@@ -106,7 +99,7 @@ mod tests {
 
     #[test]
     fn a_block_is_the_one_of_the_specification() {
-        let file = encode(Family::Rp2040, START, &[7]);
+        let file = encode(FAMILY, START, &[7]);
         assert_eq!(file[..4], *b"UF2\n");
         let words = [0x5157, 0x9E5D].map(u16::to_le_bytes).concat();
         assert_eq!(file[4..8], words);
@@ -116,14 +109,14 @@ mod tests {
 
     #[test]
     fn a_file_that_is_damaged_is_refused() {
-        let good = encode(Family::Rp2040, START, &[7; 600]);
+        let good = encode(FAMILY, START, &[7; 600]);
         for place in [0, 5, 9, 17, 20, 24, 29, 508, 512 + 3] {
             let mut bad = good.clone();
             bad[place] ^= 0x20;
-            assert!(decode(Family::Rp2040, &bad).is_err(), "byte {place}");
+            assert!(decode(FAMILY, &bad).is_err(), "byte {place}");
         }
-        assert!(decode(Family::Rp2040, &good[..good.len() - 1]).is_err());
-        assert!(decode(Family::Rp2040, &good[512..]).is_err());
-        assert!(decode(Family::Rp2040, &[]).is_err());
+        assert!(decode(FAMILY, &good[..good.len() - 1]).is_err());
+        assert!(decode(FAMILY, &good[512..]).is_err());
+        assert!(decode(FAMILY, &[]).is_err());
     }
 }

@@ -4,14 +4,12 @@ use emulator::rp2040::{Bytes, CYCLES_PER_S, Edge, Run, frames, pulses};
 use rotorlead::dshot::{Checksum, Frame, Speed, Value};
 use rotorlead::link::{FRAME_BYTES, Request, encode};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings};
+use rotorlead_rp2040::generated::{INPUT_1, OUTPUT_1};
 
 use super::flash;
 use crate::bench::application::with_inverse;
 use crate::run::Result;
 
-/// The first of the four inputs and of the four outputs.
-pub const INPUT_1: u8 = 2;
-pub const OUTPUT_1: u8 = 6;
 /// When the flight controller arms the motors: behind the start of the controller, which designs the lead, or four inverses.
 const ARMED: u64 = ms(330);
 const ARMED_INVERSE: u64 = ms(1330);
@@ -163,14 +161,6 @@ fn requests(from: u64, last: u64) -> Result<Vec<Bytes>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_pins_are_the_boards() {
-        let pinout = include_str!("../../../../boards/rp2040/src/pinout.rs");
-        for (name, pin) in [("INPUT_1", INPUT_1), ("OUTPUT_1", OUTPUT_1)] {
-            assert!(pinout.contains(&format!("pub const {name}: u8 = {pin};")), "{name}");
-        }
-    }
 
     #[test]
     fn lines_stop_the_motor_first_and_no_longer_once_it_is_armed() {

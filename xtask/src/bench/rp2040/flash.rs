@@ -3,8 +3,8 @@
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use emulator::rp2040::Flash;
 use rotorlead::settings::{Settings, Store};
+use rotorlead_rp2040::generated::{FLASH_START, SETTINGS_START};
 
-use crate::board::RP2040;
 use crate::run;
 
 /// Bytes of a sector.
@@ -15,8 +15,7 @@ pub fn stored(settings: &Settings) -> run::Result<Flash> {
     let settings = settings.clone().validate().map_err(|error| error.to_string())?;
     let mut store = Store::new(Memory(vec![0xFF; 2 * SECTOR]), [0, SECTOR as u32]);
     store.save(&settings).map_err(|error| error.to_string())?;
-    let map = &RP2040.flash;
-    Ok(Flash { offset: map.settings.start - map.image.start, bytes: store.into_flash().0 })
+    Ok(Flash { offset: SETTINGS_START - FLASH_START, bytes: store.into_flash().0 })
 }
 
 /// Two sectors that start erased.

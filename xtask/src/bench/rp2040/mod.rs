@@ -6,11 +6,12 @@ mod report;
 
 use emulator::rp2040::{CYCLES_PER_S, Emulator, Handler, Trace};
 use rotorlead::settings::MOTORS;
+use rotorlead_rp2040::generated::OUTPUT_1;
 
-use self::cases::{Case, OUTPUT_1};
+use self::cases::Case;
 pub use self::report::Report;
 use self::report::{Cost, Row};
-use crate::board::RP2040;
+use crate::board::Board;
 use crate::firmware;
 use crate::run::Result;
 
@@ -19,8 +20,8 @@ const SYSTICK: u32 = 15;
 const UART0: u32 = 16 + 20;
 
 /// Runs the image in every case.
-pub fn measure() -> Result<Report> {
-    let image = firmware::build_image(&RP2040, &[])?;
+pub fn measure(board: &'static Board) -> Result<Report> {
+    let image = firmware::build_image(board, &[])?;
     let mut rows = Vec::new();
     for case in Case::all()? {
         let trace = Emulator::Node.run(&case.run(&image)?)?;
@@ -67,7 +68,7 @@ fn longest_high(case: &Case, trace: &Trace, pin: u8) -> u64 {
 
 fn row(case: &Case, trace: &Trace) -> Result<Row> {
     let handler = |exception, name: &str| trace.handler(exception).ok_or_else(|| format!("{}: no {name}", case.name));
-    let (tick, link) = (handler(SYSTICK, RP2040.interrupts.tick)?, handler(UART0, RP2040.interrupts.link)?);
+    let (tick, link) = (handler(SYSTICK, "control task")?, handler(UART0, "interrupt of the link")?);
     Ok(Row {
         key: case.key,
         name: case.name,
