@@ -139,6 +139,12 @@ impl Board {
         if !board.memory.contains_key(RAM) {
             return Err(format!("{}: [memory] has no region {RAM}", path.display()));
         }
+        if !board.interrupts.is_sorted_by(|first, next| first.priority > next.priority) {
+            return Err(format!(
+                "{}: each interrupt must have a lower priority than the one before it",
+                path.display()
+            ));
+        }
         Ok(Self { folder: folder.to_owned(), ..board })
     }
 

@@ -30,11 +30,14 @@ impl Written {
     }
 }
 
-/// Writes everything that follows from the descriptions of the boards.
+/// Writes what is not up to date of all that follows from the descriptions of the boards.
 pub fn write() -> Result {
     for written in all()?.iter().flat_map(files) {
-        let path = &written.path;
-        fs::write(path, written.content()?).map_err(|error| format!("{}: {error}", path.display()))?;
+        let (path, content) = (&written.path, written.content()?);
+        if read(path).as_ref() != Ok(&content) {
+            fs::write(path, content).map_err(|error| format!("{}: {error}", path.display()))?;
+            println!("writes {}", path.display());
+        }
     }
     Ok(())
 }
