@@ -57,7 +57,7 @@ impl Records {
     /// All records, but for those whose rows stay on disk.
     pub fn read_leaving_long(self) -> Result<(Experiment, Vec<LongRecord>), FileError> {
         match self {
-            Self::Folder(folder) => Experiment::read_leaving(&folder, LONG_FILE),
+            Self::Folder(folder) => Experiment::read_except_long(&folder, LONG_FILE),
             Self::Columns(experiment) => Ok((experiment, Vec::new())),
         }
     }
@@ -108,7 +108,7 @@ fn in_memory(mapping: &Bound<PyMapping>, output: Option<Output>) -> PyResult<Exp
         manifest.entry("output").or_insert(output.column().into());
     }
     manifest.insert("record".to_owned(), Value::Array(entries));
-    let mut experiment = read(Experiment::describe(TextFile::in_memory("records", manifest.to_string())))?;
+    let mut experiment = read(Experiment::from_manifest(TextFile::in_memory("records", manifest.to_string())))?;
     for (record, columns) in experiment.records.iter_mut().zip(columns) {
         columns.into_iter().for_each(|(name, values)| fill(record, name, values));
     }

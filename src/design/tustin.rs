@@ -1,4 +1,4 @@
-//! The section that stands for a continuous compensator at a loop rate.
+//! Tustin discretization of a lead compensator as one biquad section.
 
 use libm::{fabs, rint, tan};
 use num_complex::Complex64;

@@ -20,7 +20,7 @@ use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::check::{Findings, check_rate, check_record};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::validate::{RecordValidation, validate};
-use rotorlead_plant::{Catalog, Judgement, Model, Word};
+use rotorlead_plant::{Catalog, Judgement, Model, Readiness};
 use rotorlead_records::{Experiment, Topic};
 use rotorlead_vehicle::{Asked, Recommendation, recommend};
 
@@ -44,7 +44,7 @@ pub struct Assessment {
 }
 
 impl Assessment {
-    fn from_claims(claims: Claims, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
+    fn from_claims(claims: Objections, in_doubt: bool, records: Result<Vec<RecordValidation>, IdentifyError>) -> Self {
         let judgement = Judgement { in_doubt, ..claims.judgement() };
         Self { judgement, recommendation: None, other_output: None, records }
     }
@@ -52,7 +52,7 @@ impl Assessment {
 
 /// What is known beside the records that a model is judged by.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Known<'a> {
+pub struct AssessmentContext<'a> {
     /// Whether the model rests on records that are too long to be in memory, too.
     pub long: bool,
     /// Whether a stand was divided out, which is still in the records.
@@ -64,11 +64,11 @@ pub struct Known<'a> {
 
 /// Judges `model` by the records of `experiment`.
 #[must_use]
-pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessment {
-    let mut claims = Claims::default();
+pub fn assess(experiment: &Experiment, model: &Model, known: AssessmentContext) -> Assessment {
+    let mut claims = Objections::default();
     if model.points.is_empty() {
         claims.add(
-            Word::MeasureAgain,
+            Readiness::MeasureAgain,
             "the records show a static map alone: record a multisine or a staircase".to_owned(),
         );
         return Assessment::from_claims(claims, false, validate(experiment, model));
@@ -79,23 +79,23 @@ pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessmen
     if known.long {
         let reason =
             "there are records too long to be compared while they are read: `rotorlead validate` compares them";
-        claims.add(Word::MeasureAgain, reason.to_owned());
+        claims.add(Readiness::MeasureAgain, reason.to_owned());
     }
     match &records {
         _ if known.stand => claims.add(
-            Word::ReadyWithinLimits,
+            Readiness::ReadyWithinLimits,
             "a stand was divided out, and no record is without it: what the lag leaves is known of the fit alone"
                 .to_owned(),
         ),
         // All of them are long.
         Ok(records) if records.is_empty() && known.long => {}
         Ok(records) => claims.add_residual(experiment, model, records, known.diagnosis),
-        Err(error) => claims.add(Word::MeasureAgain, format!("the model was compared with no record: {error}")),
+        Err(error) => claims.add(Readiness::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
     claims.add_points(model);
     let other_output = records.is_ok().then(|| OtherOutput::from_experiment(experiment, model)).flatten();
     for limit in gain::lost(model).into_iter().chain(other_output.as_ref().and_then(OtherOutput::limit)) {
-        claims.add(Word::ReadyWithinLimits, limit);
+        claims.add(Readiness::ReadyWithinLimits, limit);
     }
     let assessment = Assessment::from_claims(claims, in_doubt, records);
     let recommendation = recommend(model, assessment.judgement.doubt(), &Asked::default()).ok();
@@ -104,18 +104,18 @@ pub fn assess(experiment: &Experiment, model: &Model, known: Known) -> Assessmen
 
 /// What speaks against a model.
 #[derive(Clone, Debug, Default)]
-struct Claims(Vec<Claim>);
+struct Objections(Vec<Objection>);
 
 #[derive(Clone, Debug)]
-struct Claim {
+struct Objection {
     /// The best word that it leaves.
-    word: Word,
+    word: Readiness,
     reason: String,
 }
 
-impl Claims {
-    fn add(&mut self, word: Word, reason: String) {
-        self.0.push(Claim { word, reason });
+impl Objections {
+    fn add(&mut self, word: Readiness, reason: String) {
+        self.0.push(Objection { word, reason });
     }
 
     fn add_residual(
@@ -127,7 +127,7 @@ impl Claims {
     ) {
         match wrong(records) {
             None => self.add(
-                Word::MeasureAgain,
+                Readiness::MeasureAgain,
                 "no record shows its noise, so that nothing is known of what the lag leaves: hold levels for a second, or record \
                  more periods"
                     .to_owned(),
@@ -155,7 +155,7 @@ impl Claims {
                 "the model does not say what it was fitted to, so that no record is known to be held out: identify it again"
             }
         };
-        self.add(Word::MeasureAgain, reason.to_owned());
+        self.add(Readiness::MeasureAgain, reason.to_owned());
     }
 
     /// Of a record that shows the model to be wrong, with what a diagnosis `found` in place of the advice to ask one.
@@ -175,12 +175,12 @@ impl Claims {
                  lag misses"
             );
             let advice = format!(": {}; or see `rotorlead diagnose`", remedy(ramp::KIND));
-            add(Word::NotALag, reason, &advice);
+            add(Readiness::NotALag, reason, &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
-            add(Word::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
+            add(Readiness::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
             let reason = format!("{missed}: expect as much of what is built on it");
-            add(Word::ReadyWithinLimits, reason, ", or see `rotorlead diagnose`");
+            add(Readiness::ReadyWithinLimits, reason, ", or see `rotorlead diagnose`");
         }
     }
 
@@ -194,12 +194,12 @@ impl Claims {
         let findings = findings.sorted();
         let grave = findings.iter().find(|finding| finding.is_grave());
         if let Some(finding) = grave {
-            self.add(Word::MeasureAgain, format!("the numbers are in doubt: {}", finding.sentence()));
+            self.add(Readiness::MeasureAgain, format!("the numbers are in doubt: {}", finding.sentence()));
         }
         // One of each: records of one logger have the same faults.
         for topic in [Topic::Sampling, Topic::Response] {
             if let Some(finding) = findings.iter().find(|finding| finding.topic == topic) {
-                self.add(Word::ReadyWithinLimits, finding.sentence());
+                self.add(Readiness::ReadyWithinLimits, finding.sentence());
             }
         }
         grave.is_some()
@@ -209,7 +209,7 @@ impl Claims {
     fn add_points(&mut self, model: &Model) {
         if let [point] = &model.points[..] {
             let reason = format!("the lag is known at u_nom {} alone: record at a second level", point.nominal);
-            self.add(Word::MeasureAgain, reason);
+            self.add(Readiness::MeasureAgain, reason);
         }
         let part = |point: &rotorlead_plant::Point| point.time_constant_s_std.unwrap_or(0.0) / point.time_constant_s;
         let worst = model.points.iter().max_by(|a, b| part(a).total_cmp(&part(b)));
@@ -219,16 +219,16 @@ impl Claims {
                 point.nominal,
                 100.0 * part(point)
             );
-            self.add(Word::MeasureAgain, reason);
+            self.add(Readiness::MeasureAgain, reason);
         }
     }
 
     /// The worst word with all reasons, those of worse words first.
     fn judgement(&self) -> Judgement {
-        let mut claims: Vec<&Claim> = self.0.iter().collect();
+        let mut claims: Vec<&Objection> = self.0.iter().collect();
         claims.sort_by_key(|claim| std::cmp::Reverse(claim.word));
         Judgement {
-            state: claims.first().map_or(Word::Ready, |claim| claim.word),
+            state: claims.first().map_or(Readiness::Ready, |claim| claim.word),
             limits: claims.iter().map(|claim| claim.reason.clone()).collect(),
             in_doubt: false,
         }

@@ -18,7 +18,7 @@ fn stand(more: &str) -> Experiment {
 
 fn judged(experiment: &Experiment) -> Judgement {
     let model = identify(experiment, &IdentifyOptions::default()).unwrap().model;
-    assess(experiment, &model, Known::default()).judgement
+    assess(experiment, &model, AssessmentContext::default()).judgement
 }
 
 fn effect(kind: &str, parameters: &str) -> String {
@@ -28,19 +28,19 @@ fn effect(kind: &str, parameters: &str) -> String {
 #[test]
 fn a_lag_on_held_out_records_is_ready() {
     let judgement = judged(&stand(""));
-    assert_eq!(judgement, Judgement { state: Word::Ready, limits: Vec::new(), in_doubt: false });
+    assert_eq!(judgement, Judgement { state: Readiness::Ready, limits: Vec::new(), in_doubt: false });
 }
 
 #[test]
 fn a_ramp_of_the_esc_is_named_and_no_lag() {
     let judgement = judged(&stand(&effect("slew_limit", "rate_per_s = 0.6")));
-    assert_eq!(judgement.state, Word::NotALag);
+    assert_eq!(judgement.state, Readiness::NotALag);
     assert!(judgement.limits[0].contains("ramp its command, by 0.60 of the range"), "{judgement:?}");
 }
 
 #[test]
 fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
-    for (participation, word) in [(0.5, Word::NotALag), (0.02, Word::ReadyWithinLimits)] {
+    for (participation, word) in [(0.5, Readiness::NotALag), (0.02, Readiness::ReadyWithinLimits)] {
         let resonance = format!("participation = {participation}, frequency_hz = 8.0, damping = 0.05");
         let judgement = judged(&stand(&effect("stand_resonance", &resonance)));
         assert_eq!(judgement.state, word, "{judgement:?}");
@@ -52,14 +52,18 @@ fn what_is_far_from_a_lag_is_none_and_what_is_close_has_a_limit() {
 fn what_a_diagnosis_found_is_said_in_place_of_asking_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
-    let before = assess(&experiment, &model, Known::default());
+    let before = assess(&experiment, &model, AssessmentContext::default());
     let advice = format!("misses: {}; or see `rotorlead diagnose`", remedy("slew_limit"));
     assert!(before.judgement.limits[0].ends_with(&advice), "{before:?}");
     let catalog = Catalog::standard();
     let mut found = diagnose(&experiment, &Options { model: None, catalog: &catalog, progress: &|| () }).unwrap();
     let judged = |found: &Diagnosis| {
-        assess(&experiment, &model, Known { diagnosis: Some((found, "the diagnosis is said")), ..Known::default() })
-            .judgement
+        assess(
+            &experiment,
+            &model,
+            AssessmentContext { diagnosis: Some((found, "the diagnosis is said")), ..AssessmentContext::default() },
+        )
+        .judgement
     };
     let after = judged(&found);
     assert!(after.limits[0].contains("by 0.60 of the range"), "{after:?}");
@@ -84,7 +88,7 @@ fn without_held_out_records_or_a_second_level_nothing_is_ready() {
     one_level.records.retain(|record| record.nominal < 0.5);
     for (experiment, part) in [(fitted, "no record was held out"), (one_level, "u_nom 0.4 alone")] {
         let judgement = judged(&experiment);
-        assert_eq!(judgement.state, Word::MeasureAgain);
+        assert_eq!(judgement.state, Readiness::MeasureAgain);
         assert!(judgement.limits.iter().any(|reason| reason.contains(part)), "{judgement:?}");
     }
 }
@@ -94,14 +98,18 @@ fn what_cannot_be_compared_is_said() {
     let experiment = stand("");
     let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
     let judged = |model: &Model, known| assess(&experiment, model, known).judgement;
-    let long = judged(&model, Known { long: true, ..Known::default() });
-    assert!(long.state == Word::MeasureAgain && long.limits[0].contains("too long"), "{long:?}");
+    let long = judged(&model, AssessmentContext { long: true, ..AssessmentContext::default() });
+    assert!(long.state == Readiness::MeasureAgain && long.limits[0].contains("too long"), "{long:?}");
     let all_long = Experiment { records: Vec::new(), ..experiment.clone() };
-    let judgement = assess(&all_long, &model, Known { long: true, ..Known::default() }).judgement;
+    let judgement =
+        assess(&all_long, &model, AssessmentContext { long: true, ..AssessmentContext::default() }).judgement;
     assert!(judgement.limits.len() == 1 && judgement.limits[0].contains("too long"), "{judgement:?}");
-    let stand = judged(&model, Known { stand: true, ..Known::default() });
-    assert!(stand.state == Word::ReadyWithinLimits && stand.limits[0].contains("a stand was divided out"), "{stand:?}");
-    let unknown = judged(&Model { provenance: None, ..model.clone() }, Known::default());
+    let stand = judged(&model, AssessmentContext { stand: true, ..AssessmentContext::default() });
+    assert!(
+        stand.state == Readiness::ReadyWithinLimits && stand.limits[0].contains("a stand was divided out"),
+        "{stand:?}"
+    );
+    let unknown = judged(&Model { provenance: None, ..model.clone() }, AssessmentContext::default());
     assert!(unknown.limits[0].contains("does not say what it was fitted to"), "{unknown:?}");
 }
 
@@ -109,7 +117,7 @@ fn what_cannot_be_compared_is_said() {
 fn a_model_that_has_the_ramp_is_no_lag_that_lacks_it() {
     let experiment = stand(&effect("slew_limit", "rate_per_s = 0.6"));
     let with: Model = toml::from_str(&format!("{MOTOR}{}", effect("slew_limit", "rate_per_s = 0.7"))).unwrap();
-    let judgement = assess(&experiment, &with, Known::default()).judgement;
+    let judgement = assess(&experiment, &with, AssessmentContext::default()).judgement;
     assert!(!judgement.limits.iter().any(|reason| reason.contains("ramp its command")), "{judgement:?}");
 }
 
@@ -119,7 +127,7 @@ fn a_dead_time_that_takes_the_gain_is_a_limit() {
     let motor: Model = toml::from_str(&late).unwrap();
     let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&motor) };
     let judgement = judged(&run(&plan, &motor, None, &|_| ()).unwrap());
-    assert_eq!(judgement.state, Word::ReadyWithinLimits, "{judgement:?}");
+    assert_eq!(judgement.state, Readiness::ReadyWithinLimits, "{judgement:?}");
     let reason = &judgement.limits[0];
     assert!(reason.starts_with("a dead time of") && reason.contains(remedy("transport_delay")), "{reason}");
 }
@@ -129,10 +137,10 @@ fn a_model_that_is_compared_with_nothing_is_to_be_measured_again() {
     let mut other = stand("");
     other.records.iter_mut().for_each(|record| record.nominal = 0.9);
     let model: Model = toml::from_str(MOTOR).unwrap();
-    let Assessment { judgement, records, .. } = assess(&other, &model, Known::default());
-    assert!(records.is_err() && judgement.state == Word::MeasureAgain, "{judgement:?}");
+    let Assessment { judgement, records, .. } = assess(&other, &model, AssessmentContext::default());
+    assert!(records.is_err() && judgement.state == Readiness::MeasureAgain, "{judgement:?}");
     let no_lag = Model { points: Vec::new(), ..model };
-    assert!(assess(&other, &no_lag, Known::default()).judgement.limits[0].contains("static map alone"));
+    assert!(assess(&other, &no_lag, AssessmentContext::default()).judgement.limits[0].contains("static map alone"));
 }
 
 #[test]
@@ -143,7 +151,7 @@ fn a_sensor_that_repeats_its_readings_is_a_limit() {
         (0..thrust_n.len()).for_each(|row| thrust_n[row] = thrust_n[row / 4 * 4]);
     }
     let judgement = judged(&experiment);
-    assert_ne!(judgement.state, Word::Ready, "{judgement:?}");
+    assert_ne!(judgement.state, Readiness::Ready, "{judgement:?}");
     assert!(judgement.limits.iter().any(|limit| limit.contains("50 readings a second")), "{judgement:?}");
 }
 

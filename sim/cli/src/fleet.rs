@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rotorlead_answer::Report;
-use rotorlead_assess::fleet::{FleetMember, LogPoint, Quantity, compare};
+use rotorlead_assess::fleet::{FleetMember, LogFilePoint, Quantity, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
@@ -91,7 +91,7 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
     let (mut points, mut output) = (Vec::new(), None);
     match Model::read_with_map_alone(&folder.join(MODEL)) {
         Ok(model) => {
-            points.extend(model.points.iter().filter(|point| point.gain != 0.0).map(|point| LogPoint {
+            points.extend(model.points.iter().filter(|point| point.gain != 0.0).map(|point| LogFilePoint {
                 nominal: point.nominal,
                 time_constant_s: point.time_constant_s,
                 gain: point.gain,

@@ -44,7 +44,7 @@ pub fn run(
         options.band_hz.1 = top_hz;
     }
     let (experiment, stand) = progress::over_files("identifying", &[folder], || -> miette::Result<_> {
-        let experiment = Experiment::read_force(folder)?;
+        let experiment = Experiment::read_force_input(folder)?;
         let stand = identify_stand(&experiment, &options)
             .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
         Ok((experiment, stand))

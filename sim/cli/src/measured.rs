@@ -123,7 +123,7 @@ impl Reader {
         if is_log(path) {
             return self.read_log(path, true);
         }
-        let (experiment, long) = Experiment::read_leaving(self.folder(path)?, longest)?;
+        let (experiment, long) = Experiment::read_except_long(self.folder(path)?, longest)?;
         Ok(Reading { experiment, long, text: String::new(), detail: String::new(), logs: None })
     }
 

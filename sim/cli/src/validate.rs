@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::WrapErr as _;
 use rotorlead_answer::Report;
-use rotorlead_assess::{Assessment, Known, assess};
+use rotorlead_assess::{Assessment, AssessmentContext, assess};
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
 use rotorlead_results::validation_answer;
@@ -41,7 +41,7 @@ impl Validate {
             progress::over_files("validating", &[&self.experiment], || -> miette::Result<_> {
                 let experiment = Experiment::read(&self.experiment)?;
                 let Assessment { judgement, recommendation, records, .. } =
-                    assess(&experiment, &model, Known::default());
+                    assess(&experiment, &model, AssessmentContext::default());
                 let records = records.map_err(miette::Report::from).wrap_err_with(|| {
                     format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
                 })?;

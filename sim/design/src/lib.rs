@@ -21,4 +21,4 @@ pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};
 pub use robustness::{DEVIATIONS, Deviation, Robustness, robustness};
-pub use steps::{StepPoint, StepResponse, Stepped, steps};
+pub use steps::{StepPoint, StepResponse, StepSimulation, steps};

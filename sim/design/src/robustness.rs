@@ -67,7 +67,7 @@ pub struct Robustness {
     pub highest: Bandwidth,
     /// The lowest frequency at which the response is 90 degrees late.
     #[serde(rename = "lowest_phase_rad_s")]
-    pub lowest_phase: Bandwidth,
+    pub lowest_phase_crossing: Bandwidth,
     /// The largest response over that at rest, dB.
     pub peak_db: f64,
     /// The largest overshoot of steps by 0.05 up and down, as a part of the step.
@@ -94,7 +94,7 @@ pub fn robustness(
     let mut found = Robustness {
         lowest: Bandwidth::Beyond(f64::INFINITY),
         highest: Bandwidth::At(0.0),
-        lowest_phase: Bandwidth::Beyond(f64::INFINITY),
+        lowest_phase_crossing: Bandwidth::Beyond(f64::INFINITY),
         peak_db: 0.0,
         overshoot: 0.0,
     };
@@ -111,7 +111,7 @@ pub fn robustness(
         let limit_rad_s = (SEARCHED * design.natural_rad_s()).min(sweep.highest_rad_s());
         let swept = sweep.over_static(limit_rad_s)?;
         found.lowest = lower(found.lowest, swept.bandwidth.magnitude);
-        found.lowest_phase = lower(found.lowest_phase, swept.bandwidth.phase);
+        found.lowest_phase_crossing = lower(found.lowest_phase_crossing, swept.bandwidth.phase);
         if rad_s(swept.bandwidth.magnitude) > rad_s(found.highest) {
             found.highest = swept.bandwidth.magnitude;
         }
@@ -169,7 +169,7 @@ mod tests {
         let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
         let (as_it_is, late) = (of(&inverse, "as the model"), of(&inverse, "delay 10 ms"));
         assert!((rad_s(late.lowest) / rad_s(as_it_is.lowest) - 1.0).abs() < 0.01, "{late:?}");
-        assert!(rad_s(late.lowest_phase) < 0.7 * rad_s(as_it_is.lowest_phase), "{late:?}");
+        assert!(rad_s(late.lowest_phase_crossing) < 0.7 * rad_s(as_it_is.lowest_phase_crossing), "{late:?}");
         let lead = design(&table_1(), &DesignOptions::default()).unwrap().into();
         let lead = of(&lead, "as the model");
         assert!(rad_s(lead.lowest) < 9.0 && rad_s(lead.highest) > 90.0, "{lead:?}");

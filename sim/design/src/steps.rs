@@ -1,4 +1,5 @@
-//! What steps of a given size find: a bandwidth is that of small signals, and half of the story.
+//! Rise time, overshoot and settling time of simulated command steps, without and with a compensator: a bandwidth is that of small
+//! signals.
 
 use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model, PlantError};
@@ -66,7 +67,7 @@ pub(super) fn steps_at(
             if !(0.0..=1.0).contains(&(nominal + step)) {
                 continue;
             }
-            let followed = Stepped { model, esc_frame_hz, nominal, step, rate_hz, duration_s, supply };
+            let followed = StepSimulation { model, esc_frame_hz, nominal, step, rate_hz, duration_s, supply };
             found.push(StepPoint {
                 nominal,
                 step,
@@ -80,7 +81,7 @@ pub(super) fn steps_at(
 
 /// A step at one nominal command, as [`steps`] simulates it.
 #[derive(Clone, Copy, Debug)]
-pub struct Stepped<'a> {
+pub struct StepSimulation<'a> {
     /// What is driven, with its effects.
     pub model: &'a Model,
     /// Rate at which the ESC takes over a command, hertz; `None` for an ESC without frames.
@@ -97,7 +98,7 @@ pub struct Stepped<'a> {
     pub supply: f64,
 }
 
-impl Stepped<'_> {
+impl StepSimulation<'_> {
     /// The response at the step and after every tick, in response units, without or with a compensator, whose loop rate is that of
     /// the commands.
     ///

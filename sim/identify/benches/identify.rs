@@ -108,7 +108,7 @@ fn measure(folder: &Path) -> miette::Result<()> {
             lap_s
         }
     };
-    let (mut experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
+    let (mut experiment, long) = Experiment::read_except_long(folder, LONG_FILE)?;
     let mut rows: usize = experiment.records.iter().map(|record| record.time_s.len()).sum();
     let counts = long.par_iter().map(|record| record.for_each_block(|_| {})).collect::<Vec<_>>();
     for count in counts {

@@ -3,7 +3,7 @@
 mod passing;
 
 use super::effect::{ActiveEffect, Part, Site};
-use super::filter::FORGOTTEN;
+use super::filter::MEMORY_TIME_CONSTANTS;
 use super::integrated::{IntegratedRotor, IntegratedTerm};
 use super::passage::cut;
 use super::{
@@ -302,10 +302,10 @@ impl Actuator {
 
     /// Voltage and current, where an effect says them.
     #[must_use]
-    pub fn supply(&self) -> Option<Supply> {
+    pub fn state_derivative(&self) -> Option<Supply> {
         match &self.rotor {
             Rotor::Exact(_) => None,
-            Rotor::Integrated(rotor) => rotor.supply(),
+            Rotor::Integrated(rotor) => rotor.state_derivative(),
         }
     }
 }
@@ -351,7 +351,7 @@ impl Rotor {
         match self {
             // One of many levels may be slow at any of them.
             Self::Exact(lag) => {
-                lag.time_constant_s().map_or(Memory::Lasting, |tau_s| Memory::Seconds(FORGOTTEN * tau_s))
+                lag.time_constant_s().map_or(Memory::Lasting, |tau_s| Memory::Seconds(MEMORY_TIME_CONSTANTS * tau_s))
             }
             Self::Integrated(rotor) => rotor.memory(),
         }

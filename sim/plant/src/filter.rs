@@ -9,7 +9,7 @@ use super::Memory;
 /// evenly spaced rows.
 const SAME_DURATION: f64 = 1e-10;
 /// After so many time constants nothing is left of what was before: 3e-7.
-pub(super) const FORGOTTEN: f64 = 15.0;
+pub(super) const MEMORY_TIME_CONSTANTS: f64 = 15.0;
 /// Durations whose exponentials are kept: commands, their coming out of a delay, and rows taken between them cut the time in
 /// three lengths by turns.
 const KEPT: usize = 3;

@@ -19,7 +19,7 @@ use super::{Interval, Model, OperatingCurve, OperatingPoint, PlantError, RotorBa
 /// [`TransportDelay`](super::TransportDelay).
 #[derive(Clone, Debug)]
 pub struct FirstOrder {
-    law: Law,
+    law: LagSchedule,
     /// The command that `target` belongs to, and the rate where it follows the level.
     command: f64,
     target: f64,
@@ -64,7 +64,7 @@ fn short(x: f64) -> f64 {
 }
 
 #[derive(Clone, Debug)]
-enum Law {
+enum LagSchedule {
     Linear(OperatingPoint),
     Level(OperatingCurve),
 }
@@ -81,7 +81,7 @@ impl FirstOrder {
     /// Linear with the numbers of `point`, at rest there. The point's time constant must be above 0.
     #[must_use]
     pub fn linear(point: OperatingPoint) -> Self {
-        Self::at_rest(Law::Linear(point), point.nominal)
+        Self::at_rest(LagSchedule::Linear(point), point.nominal)
     }
 
     /// Following the level over the model's whole range (and beyond it as [`OperatingCurve`] says), at rest at
@@ -90,23 +90,23 @@ impl FirstOrder {
     /// # Errors
     /// [`PlantError`] when the model is impossible.
     pub fn over_range(model: &Model, command: f64) -> Result<Self, PlantError> {
-        Ok(Self::at_rest(Law::Level(OperatingCurve::new(model)?), command))
+        Ok(Self::at_rest(LagSchedule::Level(OperatingCurve::new(model)?), command))
     }
 
     /// The plant of `base`, at rest at `command`.
     pub(super) fn on(base: RotorBase, command: f64) -> Self {
         match base {
-            RotorBase::Linear(point) => Self::at_rest(Law::Linear(point), command),
+            RotorBase::Linear(point) => Self::at_rest(LagSchedule::Linear(point), command),
             // The plant that follows its own speed has no closed form, and is integrated.
-            RotorBase::Level(curve) | RotorBase::Speed(curve) => Self::at_rest(Law::Level(curve), command),
+            RotorBase::Level(curve) | RotorBase::Speed(curve) => Self::at_rest(LagSchedule::Level(curve), command),
         }
     }
 
-    fn at_rest(law: Law, command: f64) -> Self {
+    fn at_rest(law: LagSchedule, command: f64) -> Self {
         let kept = Decay { exponent: 0.0, less_one: 0.0 };
         let rate_per_s = match &law {
-            Law::Linear(point) => 1.0 / point.lag.time_constant_s,
-            Law::Level(_) => 0.0,
+            LagSchedule::Linear(point) => 1.0 / point.lag.time_constant_s,
+            LagSchedule::Level(_) => 0.0,
         };
         // No command is the one of the moment yet.
         let mut plant = Self { law, command: f64::NAN, target: 0.0, rate_per_s, response: 0.0, kept };
@@ -116,14 +116,14 @@ impl FirstOrder {
 
     /// Puts the plant at rest: the command has been `command` for ever.
     pub fn settle(&mut self, command: f64) {
-        self.take(command);
+        self.set_command(command);
         self.response = self.target;
     }
 
     /// Lets `duration_s` (not negative) pass with a constant `command`.
     #[inline]
     pub fn advance(&mut self, command: f64, duration_s: f64) {
-        self.take(command);
+        self.set_command(command);
         self.response = self.after(duration_s);
     }
 
@@ -137,19 +137,19 @@ impl FirstOrder {
     /// `y(d) = steady(d) - m tau + (y(0) - steady(0) + m tau) e^(-d / tau)` with `m` the slope of the steady response.
     /// The plant that follows the level has no such solution; it takes the level at the middle of the duration.
     #[inline]
-    fn after_ramp(&mut self, slope_per_s: f64, duration_s: f64) -> f64 {
+    fn response_after_ramp(&mut self, slope_per_s: f64, duration_s: f64) -> f64 {
         match &self.law {
-            Law::Linear(point) => {
+            LagSchedule::Linear(point) => {
                 let ramp = point.lag.gain * slope_per_s;
                 let begin = self.target - ramp * point.lag.time_constant_s;
                 let lagged = self.response - (begin - self.response) * self.kept.over(duration_s * self.rate_per_s);
                 lagged + ramp * duration_s
             }
-            Law::Level(_) => {
+            LagSchedule::Level(_) => {
                 let command = self.command;
-                self.take(command + 0.5 * slope_per_s * duration_s);
+                self.set_command(command + 0.5 * slope_per_s * duration_s);
                 let response = self.after(duration_s);
-                self.take(command);
+                self.set_command(command);
                 response
             }
         }
@@ -171,14 +171,14 @@ impl FirstOrder {
     fn read(&mut self, from_s: f64, pieces: &[Segment], readings: &mut Readings) {
         let mut now_s = from_s;
         for piece in pieces {
-            self.take(piece.level);
+            self.set_command(piece.level);
             // From one moment to the next, which are as far apart as the ones before.
             while let Some(moment_s) = readings.before(piece.until_s) {
-                self.go_on(piece.slope_per_s, moment_s - now_s);
+                self.propagate(piece.slope_per_s, moment_s - now_s);
                 now_s = moment_s;
                 readings.take(self.response);
             }
-            self.go_on(piece.slope_per_s, piece.until_s - now_s);
+            self.propagate(piece.slope_per_s, piece.until_s - now_s);
             now_s = piece.until_s;
             readings.take_end(piece.until_s, self.response);
         }
@@ -186,20 +186,20 @@ impl FirstOrder {
 
     /// Lets `duration_s` pass with the command of the moment, which moves by `slope_per_s`.
     #[inline]
-    fn go_on(&mut self, slope_per_s: f64, duration_s: f64) {
+    fn propagate(&mut self, slope_per_s: f64, duration_s: f64) {
         if slope_per_s == 0.0 {
             self.response = self.after(duration_s);
         } else {
-            self.response = self.after_ramp(slope_per_s, duration_s);
-            self.take(self.command + slope_per_s * duration_s);
+            self.response = self.response_after_ramp(slope_per_s, duration_s);
+            self.set_command(self.command + slope_per_s * duration_s);
         }
     }
 
     /// Seconds, where it is the same at every level.
     pub(super) fn time_constant_s(&self) -> Option<f64> {
         match &self.law {
-            Law::Linear(point) => Some(point.lag.time_constant_s),
-            Law::Level(_) => None,
+            LagSchedule::Linear(point) => Some(point.lag.time_constant_s),
+            LagSchedule::Level(_) => None,
         }
     }
 
@@ -207,9 +207,9 @@ impl FirstOrder {
     /// for that; where the gain is 0, it is the command of the moment.
     pub(super) fn speed(&self) -> f64 {
         match &self.law {
-            Law::Linear(point) if point.lag.gain == 0.0 => self.command,
-            Law::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
-            Law::Level(curve) => {
+            LagSchedule::Linear(point) if point.lag.gain == 0.0 => self.command,
+            LagSchedule::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
+            LagSchedule::Level(curve) => {
                 let (mut low, mut high) = (-1.0, 2.0);
                 for _ in 0..50 {
                     let middle = 0.5 * (low + high);
@@ -229,16 +229,16 @@ impl FirstOrder {
     }
 
     #[inline]
-    fn take(&mut self, command: f64) {
+    fn set_command(&mut self, command: f64) {
         if command == self.command {
             return;
         }
         self.command = command;
         match &self.law {
-            Law::Linear(point) => {
+            LagSchedule::Linear(point) => {
                 self.target = point.response + point.lag.gain * (command - point.nominal);
             }
-            Law::Level(curve) => {
+            LagSchedule::Level(curve) => {
                 let point = curve.clamped_at(command);
                 self.target = point.response;
                 self.rate_per_s = 1.0 / point.lag.time_constant_s;
@@ -252,7 +252,7 @@ impl Rotates for FirstOrder {
 
     #[inline]
     fn begin(&mut self, piece: Segment) {
-        self.take(piece.level);
+        self.set_command(piece.level);
     }
 
     #[inline]
@@ -263,7 +263,7 @@ impl Rotates for FirstOrder {
     #[inline]
     fn advance(&mut self, _: &(), piece: Segment, (from_s, duration_s): (f64, f64)) -> Interval {
         let (start, start_slope) = (self.response, self.slope_per_s());
-        self.go_on(piece.slope_per_s, duration_s);
+        self.propagate(piece.slope_per_s, duration_s);
         Interval { from_s, duration_s, start, start_slope, end: self.response, end_slope: self.slope_per_s() }
     }
 }

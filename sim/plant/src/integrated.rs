@@ -1,8 +1,8 @@
 //! The rotor with effects on it, integrated in steps.
 
-use super::filter::FORGOTTEN;
+use super::filter::MEMORY_TIME_CONSTANTS;
 use super::passage::{Passage, Readings, Rotates, Wanted};
-use super::rotor::{Motion, RotorTerm, Supply};
+use super::rotor::{Motion, RotorEffect, Supply};
 use super::{Interval, Memory, PlantError, RotorBase, Segment};
 
 /// A step is at most this part of the time constant of its moment. The classical Runge-Kutta method then errs by less than
@@ -53,7 +53,7 @@ pub(super) struct Slopes {
 /// ```text
 /// dx/dt = rate (drive - x)                                 x: speed, as a command
 /// dy/dt = rate (steady(drive) + gain bend(drive - anchor) - y)
-/// response = y + gain bend_behind(x - anchor)
+/// response = y + gain output_nonlinearity(x - anchor)
 /// ```
 ///
 /// On [`RotorBase::Speed`] the response is that of the speed itself, `y = steady(x) + gain bend(x - anchor)`.
@@ -77,12 +77,12 @@ pub struct RotorState {
 
 /// An effect that can be integrated with nothing else beside it: compiled for each effect by itself, which is several times as
 /// quick as to ask for every part of every step what the effect is.
-pub trait IntegratedTerm: RotorTerm {
+pub trait IntegratedTerm: RotorEffect {
     /// Lets a rotor pass that has no other effect.
     fn pass_alone(&self, rotor: &mut RotorState, passage: &mut Passage);
 }
 
-impl<T: RotorTerm> IntegratedTerm for T {
+impl<T: RotorEffect> IntegratedTerm for T {
     fn pass_alone(&self, rotor: &mut RotorState, passage: &mut Passage) {
         rotor.pass(&Alone(self), passage);
     }
@@ -93,26 +93,26 @@ pub(super) trait Terms {
     /// How many.
     fn count(&self) -> usize;
     /// How fast their own states move; sets what drives the rotor.
-    fn supply(&self, own: &Own, motion: &mut Motion) -> Own;
+    fn state_derivative(&self, own: &Own, motion: &mut Motion) -> Own;
     /// Sets how fast the rotor is.
     fn pace(&self, motion: &mut Motion);
     /// What they add to the static map ahead of the lag.
-    fn bend(&self, deviation: f64) -> f64;
+    fn input_nonlinearity(&self, deviation: f64) -> f64;
     /// The same behind the lag.
-    fn bend_behind(&self, deviation: f64) -> f64;
+    fn output_nonlinearity(&self, deviation: f64) -> f64;
 }
 
 /// One effect.
 pub(super) struct Alone<'a, T: ?Sized>(pub &'a T);
 
-impl<T: RotorTerm + ?Sized> Terms for Alone<'_, T> {
+impl<T: RotorEffect + ?Sized> Terms for Alone<'_, T> {
     fn count(&self) -> usize {
         1
     }
 
-    fn supply(&self, own: &Own, motion: &mut Motion) -> Own {
+    fn state_derivative(&self, own: &Own, motion: &mut Motion) -> Own {
         let mut slopes = Own::default();
-        slopes[0] = self.0.supply(own[0], motion);
+        slopes[0] = self.0.state_derivative(own[0], motion);
         slopes
     }
 
@@ -120,12 +120,12 @@ impl<T: RotorTerm + ?Sized> Terms for Alone<'_, T> {
         self.0.pace(motion);
     }
 
-    fn bend(&self, deviation: f64) -> f64 {
-        self.0.bend(deviation)
+    fn input_nonlinearity(&self, deviation: f64) -> f64 {
+        self.0.input_nonlinearity(deviation)
     }
 
-    fn bend_behind(&self, deviation: f64) -> f64 {
-        self.0.bend_behind(deviation)
+    fn output_nonlinearity(&self, deviation: f64) -> f64 {
+        self.0.output_nonlinearity(deviation)
     }
 }
 
@@ -134,10 +134,10 @@ impl Terms for [Box<dyn IntegratedTerm>] {
         self.len()
     }
 
-    fn supply(&self, own: &Own, motion: &mut Motion) -> Own {
+    fn state_derivative(&self, own: &Own, motion: &mut Motion) -> Own {
         let mut slopes = Own::default();
         for ((term, &own), slope) in self.iter().zip(own).zip(&mut slopes) {
-            *slope = term.supply(own, motion);
+            *slope = term.state_derivative(own, motion);
         }
         slopes
     }
@@ -146,12 +146,12 @@ impl Terms for [Box<dyn IntegratedTerm>] {
         self.iter().for_each(|term| term.pace(motion));
     }
 
-    fn bend(&self, deviation: f64) -> f64 {
-        self.iter().map(|term| term.bend(deviation)).sum()
+    fn input_nonlinearity(&self, deviation: f64) -> f64 {
+        self.iter().map(|term| term.input_nonlinearity(deviation)).sum()
     }
 
-    fn bend_behind(&self, deviation: f64) -> f64 {
-        self.iter().map(|term| term.bend_behind(deviation)).sum()
+    fn output_nonlinearity(&self, deviation: f64) -> f64 {
+        self.iter().map(|term| term.output_nonlinearity(deviation)).sum()
     }
 }
 
@@ -203,14 +203,14 @@ impl IntegratedRotor {
         // One of many levels may be slow at any of them.
         let RotorBase::Linear(point) = &self.rotor.base else { return Memory::Lasting };
         let own = self.terms.iter().map(|term| term.memory_s()).sum::<f64>();
-        Memory::Seconds(MOST_SLOWED * FORGOTTEN * point.lag.time_constant_s + own)
+        Memory::Seconds(MOST_SLOWED * MEMORY_TIME_CONSTANTS * point.lag.time_constant_s + own)
     }
 
     pub(super) fn speed(&self) -> f64 {
         self.rotor.state.speed
     }
 
-    pub(super) fn supply(&self) -> Option<Supply> {
+    pub(super) fn state_derivative(&self) -> Option<Supply> {
         let rotor = &self.rotor;
         let motion = rotor.motion(rotor.drive, rotor.state.speed);
         self.terms.iter().zip(&rotor.state.own).find_map(|(term, &own)| term.measured(own, &motion))
@@ -388,7 +388,7 @@ impl RotorState {
     #[inline(always)]
     fn target<T: Terms + ?Sized>(&self, terms: &T, motion: &Motion) -> f64 {
         let deviation = motion.drive - self.base.anchor(motion.drive);
-        let bent = terms.bend(deviation);
+        let bent = terms.input_nonlinearity(deviation);
         match &self.base {
             RotorBase::Linear(point) => point.response + point.lag.gain * (deviation + bent),
             RotorBase::Level(curve) | RotorBase::Speed(curve) => {
@@ -401,7 +401,7 @@ impl RotorState {
     #[inline(always)]
     fn derivative<T: Terms + ?Sized>(&self, terms: &T, state: &IntegratedState, command: f64) -> Slopes {
         let mut motion = self.motion(command, state.speed);
-        let own = terms.supply(&state.own, &mut motion);
+        let own = terms.state_derivative(&state.own, &mut motion);
         terms.pace(&mut motion);
         let rate_per_s = motion.rate_per_s;
         let (speed, response) = (motion.drive - state.speed, self.target(terms, &motion) - state.response);
@@ -413,10 +413,11 @@ impl RotorState {
         let IntegratedState { speed, response, .. } = self.state;
         let deviation = speed - self.base.anchor(speed);
         let (response, bent) = match &self.base {
-            RotorBase::Speed(curve) => {
-                (curve.steady_response(speed), terms.bend(deviation) + terms.bend_behind(deviation))
-            }
-            RotorBase::Linear(_) | RotorBase::Level(_) => (response, terms.bend_behind(deviation)),
+            RotorBase::Speed(curve) => (
+                curve.steady_response(speed),
+                terms.input_nonlinearity(deviation) + terms.output_nonlinearity(deviation),
+            ),
+            RotorBase::Linear(_) | RotorBase::Level(_) => (response, terms.output_nonlinearity(deviation)),
         };
         if bent == 0.0 { response } else { response + self.base.at(speed).lag.gain * bent }
     }
@@ -430,7 +431,7 @@ impl RotorState {
         let is_of_speed = matches!(self.base, RotorBase::Speed(_));
         let bend = |speed: f64| {
             let deviation = speed - anchor;
-            terms.bend_behind(deviation) + if is_of_speed { terms.bend(deviation) } else { 0.0 }
+            terms.output_nonlinearity(deviation) + if is_of_speed { terms.input_nonlinearity(deviation) } else { 0.0 }
         };
         let bent = (bend(speed + width) - bend(speed - width)) / (2.0 * width);
         if is_of_speed {

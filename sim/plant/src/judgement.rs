@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Judgement {
     /// In a word.
-    pub state: Word,
-    /// Why, what weighs most first, each with what to do; none where it is [`Word::Ready`].
+    pub state: Readiness,
+    /// Why, what weighs most first, each with what to do; none where it is [`Readiness::Ready`].
     pub limits: Vec<String>,
     /// Whether units or signs of the records are wrong, so that no number of the model is what it says.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -26,13 +26,13 @@ impl Judgement {
     /// Why nothing is flown on the model, whatever it promises; `None` where that is not so.
     #[must_use]
     pub fn doubt(&self) -> Option<&'static str> {
-        if self.in_doubt { Some(IN_DOUBT) } else { (self.state == Word::NotALag).then_some(NOT_A_LAG) }
+        if self.in_doubt { Some(IN_DOUBT) } else { (self.state == Readiness::NotALag).then_some(NOT_A_LAG) }
     }
 }
 
 /// The four words, from the best on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Word {
+pub enum Readiness {
     /// A lag, to within the noise of records that it was not fitted to.
     #[serde(rename = "ready")]
     Ready,
@@ -47,7 +47,7 @@ pub enum Word {
     NotALag,
 }
 
-impl fmt::Display for Word {
+impl fmt::Display for Readiness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::Ready => "ready",

@@ -1,7 +1,7 @@
 //! Simulated actuators, and the files that describe one and its compensator.
 //!
 //! A simulated actuator is a chain in physical order. What acts on the command is a [`CommandStage`]; then comes
-//! the rotor, [`FirstOrder`] or, with effects on it ([`RotorTerm`]), one that is integrated; then what lies between rotor and
+//! the rotor, [`FirstOrder`] or, with effects on it ([`RotorEffect`]), one that is integrated; then what lies between rotor and
 //! logger ([`ResponseStage`]); what the sensor adds is [`SensorNoise`]. [`Actuator`] runs the chain, tick by tick;
 //! [`simulate`] runs it over a record. The kinds of effects are in [`effect`], one file each.
 
@@ -50,11 +50,11 @@ pub use filter::{Interval, ResponseStage};
 pub use first_order::FirstOrder;
 pub use hold::frames_per_pattern;
 pub use hold::{hold_delay_s, hold_response, hold_response_at_phase};
-pub use judgement::{Judgement, Word};
+pub use judgement::{Judgement, Readiness};
 pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap, TimeConstantBand};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
-pub use rotor::{Motion, RotorBase, RotorTerm, Supply};
+pub use rotor::{Motion, RotorBase, RotorEffect, Supply};
 pub use simulate::{Start, Trace, simulate, simulate_periodic_response, simulate_response};
 pub use simulate::{simulate_interpolated, simulate_periodic_interpolated};
 pub use stage::{CommandStage, Memory, Segment};

@@ -53,7 +53,7 @@ impl RotorBase {
     /// The command at which the supply has the voltage for which the model holds: the nominal command, or none (open
     /// circuit) for a model that spans a range.
     #[must_use]
-    pub fn supplied_at(&self) -> f64 {
+    pub fn reference_supply_command(&self) -> f64 {
         match self {
             Self::Linear(point) => point.nominal,
             Self::Level(_) | Self::Speed(_) => 0.0,
@@ -84,24 +84,24 @@ pub struct Supply {
 }
 
 /// An effect on the rotor itself, or on what it is fed. What a kind does not touch it leaves at these defaults.
-pub trait RotorTerm: Send {
+pub trait RotorEffect: Send {
     /// The effect's own state at rest, where the command is `motion.drive`; sets `motion.drive` to what drives the rotor then.
     fn at_rest(&self, _motion: &mut Motion) -> f64 {
         0.0
     }
 
     /// How fast the effect's own state moves, per second; sets `motion.drive` to what the supply makes of it.
-    fn supply(&self, _own: f64, _motion: &mut Motion) -> f64 {
+    fn state_derivative(&self, _own: f64, _motion: &mut Motion) -> f64 {
         0.0
     }
 
     /// What the static map adds to the command at a `deviation` from the anchor, ahead of the lag.
-    fn bend(&self, _deviation: f64) -> f64 {
+    fn input_nonlinearity(&self, _deviation: f64) -> f64 {
         0.0
     }
 
     /// The same behind the lag, at a deviation of the speed.
-    fn bend_behind(&self, _deviation: f64) -> f64 {
+    fn output_nonlinearity(&self, _deviation: f64) -> f64 {
         0.0
     }
 

@@ -300,7 +300,7 @@ impl Trace {
     fn take(&mut self, actuator: &Actuator) {
         self.response.push(actuator.response());
         self.speed.push(actuator.speed());
-        if let Some(supply) = actuator.supply() {
+        if let Some(supply) = actuator.state_derivative() {
             self.voltage_v.push(supply.voltage_v);
             self.current_a.push(supply.current_a);
         }

@@ -15,7 +15,7 @@ use crate::files::{FileError, Quantity, TomlFile};
 pub struct Inspection {
     /// What `experiment.toml` says, with the records that [`Experiment::read`] would accept; `None` where it cannot be read.
     pub experiment: Option<Experiment>,
-    /// Whether the command is a force put into a stand ([`Experiment::read_force`]).
+    /// Whether the command is a force put into a stand ([`Experiment::read_force_input`]).
     pub is_force: bool,
     /// Everything that reading refuses, in the order of `experiment.toml`.
     pub unreadable: Vec<Unreadable>,

@@ -28,7 +28,7 @@ impl Experiment {
     ///
     /// # Errors
     /// As [`Self::read`], of the text.
-    pub fn describe(text: TextFile) -> Result<Self, FileError> {
+    pub fn from_manifest(text: TextFile) -> Result<Self, FileError> {
         let (manifest, file) = Manifest::parse(text)?;
         manifest.check_command(CommandKind::Duty).map_err(|fault| file.show(&fault))?;
         let mut experiment = manifest.to_experiment();
@@ -57,7 +57,7 @@ impl Experiment {
     ///
     /// # Errors
     /// As [`Self::read`]; what is wrong with the rows that were not read shows when they are.
-    pub fn read_leaving(folder: &Path, longest: u64) -> Result<(Self, Vec<LongRecord>), FileError> {
+    pub fn read_except_long(folder: &Path, longest: u64) -> Result<(Self, Vec<LongRecord>), FileError> {
         Self::read_all(folder, CommandKind::Duty, true, longest)
     }
 
@@ -66,7 +66,7 @@ impl Experiment {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn read_force(folder: &Path) -> Result<Self, FileError> {
+    pub fn read_force_input(folder: &Path) -> Result<Self, FileError> {
         Self::read_kind(folder, CommandKind::ForceN, true)
     }
 

@@ -2,7 +2,7 @@
 
 use rotorlead_assess::dead_time_remedy;
 use rotorlead_design::{BandwidthPoint, ChainPhase};
-use rotorlead_plant::{CompensatorDesign, CompensatorProvenance, Model, Word};
+use rotorlead_plant::{CompensatorDesign, CompensatorProvenance, Model, Readiness};
 use rotorlead_records::Finding;
 
 use crate::bandwidth::tables::bandwidth_text;
@@ -10,7 +10,7 @@ use crate::bandwidth::tables::bandwidth_text;
 /// Said of a model that is not ready: whatever is built on it rests on that.
 #[must_use]
 pub fn judged(model: &Model) -> Option<Finding> {
-    let judgement = model.judgement().filter(|judgement| judgement.state != Word::Ready)?;
+    let judgement = model.judgement().filter(|judgement| judgement.state != Readiness::Ready)?;
     Some(Finding::warning(format!("the model was judged when it was identified, as {judgement}"), None))
 }
 
@@ -29,7 +29,7 @@ pub fn warn_of_another_model(compensator: &CompensatorDesign, model: &Model) -> 
 /// What takes the worth from whatever is promised: that the model is no lag or not known to be one, and that dead time takes the gain.
 /// `None` where neither is so.
 pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {
-    let state = model.judgement().map(|judgement| judgement.state).filter(|state| *state >= Word::MeasureAgain);
+    let state = model.judgement().map(|judgement| judgement.state).filter(|state| *state >= Readiness::MeasureAgain);
     let lost = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).count();
     let of_dead_time = (lost > 0).then(|| {
         format!("For a loop around the motor dead time takes what is gained at {lost} of {} points.", points.len())

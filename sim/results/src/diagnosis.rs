@@ -2,7 +2,7 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
-use rotorlead_assess::{Known, assess};
+use rotorlead_assess::{AssessmentContext, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
 };
@@ -85,7 +85,8 @@ pub fn found_in_short(found: &Diagnosis) -> String {
 #[must_use]
 pub fn diagnosed_model(experiment: &Experiment, given: Option<&Model>, found: &Diagnosis) -> Model {
     let of_given = |model: &Model| {
-        let known = Known { diagnosis: Some((found, &found_in_short(found))), ..Known::default() };
+        let known =
+            AssessmentContext { diagnosis: Some((found, &found_in_short(found))), ..AssessmentContext::default() };
         let judgement = Some(assess(experiment, model, known).judgement);
         Some(Provenance { judgement, ..model.provenance.clone()? })
     };

@@ -1,7 +1,7 @@
 //! Many logs side by side.
 
 use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, table_of};
-use rotorlead_assess::fleet::{Comparison, LogDeviation, MotorDeviation, share};
+use rotorlead_assess::fleet::{Comparison, LogFileDeviation, MotorDeviation, relative_change};
 use rotorlead_records::Output;
 use serde_json::{Value, json};
 
@@ -31,7 +31,7 @@ struct Motor<'a> {
 #[derive(Clone, Copy)]
 struct RankedLog<'a> {
     row: &'a FleetRow,
-    found: [Option<LogDeviation>; 2],
+    found: [Option<LogFileDeviation>; 2],
 }
 
 /// What is usual at a command.
@@ -109,7 +109,7 @@ impl Motor<'_> {
     fn json(&self) -> Value {
         let deviation = |found: &MotorDeviation| {
             json!({
-                "share": share(found.deviation),
+                "share": relative_change(found.deviation),
                 "score": found.score,
                 "stands_out": found.stands_out(),
                 "drift_share_per_month": found.drift.map(|drift| drift.per_month),
@@ -130,7 +130,7 @@ impl Motor<'_> {
 
 impl RankedLog<'_> {
     fn stands_out(&self) -> bool {
-        self.found.iter().flatten().any(LogDeviation::stands_out)
+        self.found.iter().flatten().any(LogFileDeviation::stands_out)
     }
 
     fn note(&self) -> String {
@@ -147,9 +147,9 @@ impl RankedLog<'_> {
             "log": self.row.log,
             "motor": self.row.motor,
             "date": known(&self.row.date),
-            "time_constant_share": time_constant.map(|found| share(found.deviation)),
+            "time_constant_share": time_constant.map(|found| relative_change(found.deviation)),
             "time_constant_score": time_constant.and_then(|found| found.score),
-            "gain_share": gain.map(|found| share(found.deviation)),
+            "gain_share": gain.map(|found| relative_change(found.deviation)),
             "gain_score": gain.and_then(|found| found.score),
             "stands_out": self.stands_out(),
             "note": known(&self.row.note),
@@ -247,5 +247,5 @@ fn logs_table(name: &str, which: &str, logs: &[RankedLog]) -> Table {
 }
 
 fn percent(logarithm: f64) -> f64 {
-    100.0 * share(logarithm)
+    100.0 * relative_change(logarithm)
 }

@@ -4,7 +4,7 @@ use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
     Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Typed, Unit, Verdict, table_of,
 };
-use rotorlead_plant::{Judgement, Word};
+use rotorlead_plant::{Judgement, Readiness};
 use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
 use serde::Serialize;
 
@@ -36,11 +36,11 @@ pub fn judged_verdict(judgement: &Judgement) -> Verdict {
 
 /// How good the news of a judgement is.
 #[must_use]
-pub fn tone(state: Word) -> Tone {
+pub fn tone(state: Readiness) -> Tone {
     match state {
-        Word::Ready => Tone::Good,
-        Word::ReadyWithinLimits => Tone::Plain,
-        Word::MeasureAgain | Word::NotALag => Tone::Attention,
+        Readiness::Ready => Tone::Good,
+        Readiness::ReadyWithinLimits => Tone::Plain,
+        Readiness::MeasureAgain | Readiness::NotALag => Tone::Attention,
     }
 }
 

@@ -3,7 +3,8 @@
 use rotorlead_answer::{Answer, Datum, Table, Tone, Typed, Unit, Verdict, table_of};
 use rotorlead_plant::Model;
 use rotorlead_vehicle::{
-    ActuatorKind, Airframe, AtLatency, ForceRow, Performance, Ratios, Row, Study, TuningRule, Worth, findings, headline,
+    ActuatorKind, Airframe, AtLatency, Benefit, ForceRow, Performance, Ratios, Row, Study, TuningRule, findings,
+    headline,
 };
 use serde_json::{Value, json};
 
@@ -34,10 +35,10 @@ pub fn vehicle_answer(study: &Study, airframe: &Airframe, model: &Model) -> Answ
         [hover, range, other_table(study, airframe, index), gains_table(study, airframe, index).in_detail()]
     };
     let mut compared = study.latencies.iter().flat_map(|at| [&at.hover, &at.range]);
-    let is_worse = compared.any(|rows| rows.iter().any(|row| row.worth(&rows[0]) == Some(Worth::Worse)));
+    let is_worse = compared.any(|rows| rows.iter().any(|row| row.benefit(&rows[0]) == Some(Benefit::Worse)));
     let over_none = |at: &AtLatency| {
         let beside = |rows: &[Row]| -> Value {
-            rows.iter().map(|row| json!({"ratios": row.ratios(&rows[0]), "worth": row.worth(&rows[0])})).collect()
+            rows.iter().map(|row| json!({"ratios": row.ratios(&rows[0]), "worth": row.benefit(&rows[0])})).collect()
         };
         json!({"latency_s": at.latency_s, "hover": beside(&at.hover), "range": beside(&at.range)})
     };
@@ -101,10 +102,10 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
     let over_none = |key, get: fn(Ratios) -> Option<f64>| {
         Typed::new(key, "over none", Unit::NONE, 2, move |row: &Row| row.ratios(bare).and_then(get))
     };
-    let worth = |row: &Row| match row.worth(bare) {
+    let worth = |row: &Row| match row.benefit(bare) {
         _ if row.performance.is_none() => "no gains",
         _ if row.actuator == bare.actuator => "",
-        worth => worth.map_or("", Worth::word),
+        worth => worth.map_or("", Benefit::word),
     };
     let columns = [
         actuator(|row: &Row| row.actuator),

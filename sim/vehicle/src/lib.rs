@@ -10,6 +10,7 @@
 
 mod actuator;
 mod airframe;
+mod benefit;
 mod error;
 mod filters;
 mod lateral;
@@ -20,10 +21,10 @@ mod rotor;
 mod study;
 mod tuning;
 mod verdict;
-mod worth;
 
 pub use actuator::ActuatorKind;
 pub use airframe::{Actuators, Airframe, Controller, Hover, Lateral, Roll};
+pub use benefit::{Benefit, Ratios};
 pub use error::VehicleError;
 pub use lateral::ForcePerformance;
 pub use recommendation::{Asked, Candidate, Choice, Purpose, Recommendation, design_options, recommend};
@@ -31,7 +32,6 @@ pub use response::Margins;
 pub use study::{AtLatency, ForceRow, KeptGains, Performance, Refused, Row, Study, steps, study};
 pub use tuning::{Gains, TuningRule};
 pub use verdict::{findings, headline};
-pub use worth::{Ratios, Worth};
 
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 

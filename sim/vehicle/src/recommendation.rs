@@ -16,12 +16,12 @@ use serde::Serialize;
 
 use crate::actuator::{Actuator, ActuatorKind};
 use crate::airframe::{Actuators, Airframe, Hover};
+use crate::benefit::{Benefit, Ratios};
 use crate::response::PointResponse;
 use crate::roll::{RollAxis, peak_deg};
 use crate::rotor::Rotor;
 use crate::study::{Performance, Refused, Row};
 use crate::tuning::{TuningRule, tuned};
-use crate::worth::{Ratios, Worth};
 use crate::{TICK_HZ, VehicleError};
 
 /// Thrust over command of every motor, newtons: about that of the default vehicle's.
@@ -388,7 +388,7 @@ fn choose_for_force(candidates: &[Candidate]) -> Choice {
 /// What is better than none by the rule of `rotorlead vehicle`, and has the highest bandwidth.
 fn choose_for_rate_loop(candidates: &[Candidate]) -> Choice {
     let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
-    let better = || others.iter().filter(|one| one.rate_loop.worth(&bare.rate_loop) == Some(Worth::Better));
+    let better = || others.iter().filter(|one| one.rate_loop.benefit(&bare.rate_loop) == Some(Benefit::Better));
     let kept = better().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);
     let bandwidth = |row: &&Row| row.performance.as_ref().map_or(0.0, |found| found.margins.bandwidth_rad_s);
     match kept.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {

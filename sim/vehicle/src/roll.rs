@@ -33,7 +33,7 @@ pub struct RollAxis<'a> {
 
 /// Angle and rate at every tick of 5 kHz.
 #[derive(Clone, Debug, Default)]
-pub struct Motion {
+pub struct RollTrajectory {
     /// Roll angle, radians.
     pub angle_rad: Vec<f64>,
     /// Roll rate, rad/s.
@@ -56,15 +56,15 @@ impl RollAxis<'_> {
         duration_s: f64,
         rate_setpoint: impl Fn(f64, f64) -> f64,
         disturbance: impl Fn(f64) -> f64,
-    ) -> Motion {
+    ) -> RollTrajectory {
         let (controller, roll) = (&self.airframe.controller, &self.airframe.roll);
         let range = (self.airframe.actuators.min, self.airframe.actuators.max);
         let tick_s = 1.0 / TICK_HZ;
         let per_control = (TICK_HZ / controller.rate_hz).round() as usize;
         let hover_n = self.rotor.thrust_n(self.nominal);
         let (least_n, most_n) = (self.rotor.thrust_n(range.0), self.rotor.thrust_n(range.1));
-        let force_n = roll.inertia_kg_m2 / (f64::from(roll.motors) * roll.arm_m);
-        let per_side_m = 0.5 * f64::from(roll.motors) * roll.arm_m;
+        let thrust_per_acceleration = roll.inertia_kg_m2 / (f64::from(roll.motors) * roll.arm_m);
+        let arm_sum_m = 0.5 * f64::from(roll.motors) * roll.arm_m;
 
         let latency_s = self.latency_s + self.rotor.delay_s(self.nominal);
         let mut pid = Pid::new(self.gains.rate(), controller.d_low_pass_hz, controller.rate_hz);
@@ -74,20 +74,20 @@ impl RollAxis<'_> {
         let mut waiting: VecDeque<[f64; 2]> = vec![[self.nominal; 2]; latency_ticks(latency_s)].into();
         let mut commands = [self.nominal; 2];
         let (mut angle, mut rate, mut is_saturated) = (0.0, 0.0, false);
-        let mut motion = Motion::default();
+        let mut motion = RollTrajectory::default();
         for tick in 0..(duration_s * TICK_HZ).round() as usize {
             let time_s = tick as f64 * tick_s;
             let measured = low_pass.update(rate);
             if tick.is_multiple_of(per_control) {
                 let acceleration = pid.update(rate_setpoint(time_s, angle) - measured, is_saturated);
-                let thrusts = [1.0, -1.0].map(|sign| hover_n + sign * acceleration * force_n);
+                let thrusts = [1.0, -1.0].map(|sign| hover_n + sign * acceleration * thrust_per_acceleration);
                 is_saturated = thrusts.iter().any(|thrust| !(least_n..=most_n).contains(thrust));
                 commands = thrusts.map(|thrust| self.rotor.command_for(thrust, range));
             }
             waiting.push_back(commands);
             let arrived = waiting.pop_front().unwrap_or(commands);
             let torque = |sides: &[Side; 2]| {
-                per_side_m * (self.rotor.thrust_n(sides[0].v) - self.rotor.thrust_n(sides[1].v)) + disturbance(time_s)
+                arm_sum_m * (self.rotor.thrust_n(sides[0].v) - self.rotor.thrust_n(sides[1].v)) + disturbance(time_s)
             };
             let before = torque(&sides);
             for (side, input) in sides.iter_mut().zip(arrived) {
@@ -105,7 +105,7 @@ impl RollAxis<'_> {
 
     /// The response for `duration_s` to the airframe's step of the disturbance torque, the attitude setpoint being level.
     #[must_use]
-    pub fn disturbed(&self, duration_s: f64) -> Motion {
+    pub fn disturbed(&self, duration_s: f64) -> RollTrajectory {
         let attitude_p = self.gains.attitude_p_1_s;
         self.motion(duration_s, |_, angle| -attitude_p * angle, |_| self.airframe.roll.disturbance_n_m)
     }
@@ -132,7 +132,7 @@ fn settling_s(response: &[f64], target: f64, band: f64) -> Option<f64> {
 
 /// The largest magnitude of an angle, degrees.
 #[must_use]
-pub fn peak_deg(motion: &Motion) -> f64 {
+pub fn peak_deg(motion: &RollTrajectory) -> f64 {
     motion.angle_rad.iter().fold(0.0, |most: f64, angle| most.max(angle.abs())).to_degrees()
 }
 

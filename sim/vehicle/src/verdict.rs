@@ -1,7 +1,7 @@
 //! What the comparison says in words, bad news too.
 
+use crate::benefit::Benefit;
 use crate::study::{AtLatency, ForceRow, Row, Study};
-use crate::worth::Worth;
 
 /// Beyond this angle, degrees, a vehicle is turned over, and no axis is on its own.
 const TURNED_OVER_DEG: f64 = 45.0;
@@ -19,24 +19,24 @@ impl AtLatency {
                  inertia and arm of the airframe."
             ));
         }
-        let clause = |worth: Worth| {
+        let clause = |worth: Benefit| {
             let named: Vec<String> =
-                others.iter().filter(|row| row.worth(bare) == Some(worth)).map(|row| said(row, bare)).collect();
+                others.iter().filter(|row| row.benefit(bare) == Some(worth)).map(|row| said(row, bare)).collect();
             (!named.is_empty()).then(|| format!("{}: {}", comparison(worth), named.join(", ")))
         };
         let clauses: Vec<String> =
-            [Worth::Worse, Worth::Mixed, Worth::Same, Worth::Better].into_iter().filter_map(clause).collect();
+            [Benefit::Worse, Benefit::Mixed, Benefit::Same, Benefit::Better].into_iter().filter_map(clause).collect();
         let latency_ms = 1e3 * self.latency_s;
         (!clauses.is_empty()).then(|| format!("{tuned}, latency {latency_ms:.1} ms. {}.", clauses.join(". ")))
     }
 }
 
-fn comparison(worth: Worth) -> &'static str {
+fn comparison(worth: Benefit) -> &'static str {
     match worth {
-        Worth::Better => "Better than none",
-        Worth::Same => "No different from none",
-        Worth::Mixed => "Better in one of the two and worse in the other",
-        Worth::Worse => "Worse than none",
+        Benefit::Better => "Better than none",
+        Benefit::Same => "No different from none",
+        Benefit::Mixed => "Better in one of the two and worse in the other",
+        Benefit::Worse => "Worse than none",
     }
 }
 
@@ -136,19 +136,19 @@ pub fn headline(study: &Study) -> String {
     if !is_any {
         return "No actuator has gains that keep the margins in this vehicle.".to_owned();
     }
-    let worths = |rows: &[Row]| -> Vec<Option<Worth>> {
+    let worths = |rows: &[Row]| -> Vec<Option<Benefit>> {
         let Some((bare, others)) = rows.split_first() else { return Vec::new() };
         let compensators = others.iter().filter(|row| !row.actuator.needs_a_sensor());
-        compensators.map(|row| row.worth(bare)).collect()
+        compensators.map(|row| row.benefit(bare)).collect()
     };
     let [hover, range] = [worths(&first.hover), worths(&first.range)];
-    let count = |all: &[Option<Worth>], worth: Worth| all.iter().filter(|one| **one == Some(worth)).count();
-    let of = |all: &[Option<Worth>]| {
+    let count = |all: &[Option<Benefit>], worth: Benefit| all.iter().filter(|one| **one == Some(worth)).count();
+    let of = |all: &[Option<Benefit>]| {
         format!(
             "{} of {} compensators make the vehicle worse and {} make it better",
-            count(all, Worth::Worse),
+            count(all, Benefit::Worse),
             all.len(),
-            count(all, Worth::Better)
+            count(all, Benefit::Better)
         )
     };
     let at_one = "At one hover point, where a D term can cancel the rotor's pole,";

@@ -1,4 +1,4 @@
-//! The response that is asked for.
+//! Second-order reference model of the inverse, and its discretization.
 
 use libm::{exp, expm1, sin, sinh, sqrt};
 

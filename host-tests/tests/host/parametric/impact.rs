@@ -71,7 +71,7 @@ fn blows_give_the_stand() {
     for blows in [1, 5] {
         let path = scratch.path().join(format!("hammer{blows}"));
         folder(&path, blows, "force_n");
-        let experiment = Experiment::read_force(&path).unwrap();
+        let experiment = Experiment::read_force_input(&path).unwrap();
         let found = identify_stand(&experiment, &StandOptions::default()).unwrap();
         assert_eq!(found.fit.structure.poles, 8, "{:?}", found.scores);
         assert!(found.warnings.is_empty(), "{:?}", found.warnings);

@@ -18,15 +18,15 @@ pub struct Comparison {
     /// The commands that enough logs share, increasing, with the usual value of the quantity at each.
     pub levels: Vec<(f64, f64)>,
     /// Of each log, in their order: `None` where it shares no command.
-    pub logs: Vec<Option<LogDeviation>>,
+    pub logs: Vec<Option<LogFileDeviation>>,
     /// Of each motor, by name.
     pub motors: BTreeMap<String, MotorDeviation>,
 }
 
 /// One log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LogDeviation {
-    /// Logarithm of the share by which it exceeds the usual.
+pub struct LogFileDeviation {
+    /// Mean over the shared commands of `ln(value / median over all logs)`.
     pub deviation: f64,
     /// Distance from its motor's other logs, or from its line where it drifts, in standard deviations of all logs; `None` of
     /// a motor with fewer than three logs, or of too few logs.
@@ -53,7 +53,7 @@ pub(super) fn stands_out(score: Option<f64>) -> bool {
     score.is_some_and(|score| score.abs() > OUTLYING_SCORE)
 }
 
-impl LogDeviation {
+impl LogFileDeviation {
     /// Whether it stands out among the logs of its motor.
     #[must_use]
     pub fn stands_out(&self) -> bool {
@@ -96,11 +96,11 @@ pub fn compare(logs: &[FleetMember], quantity: Quantity) -> Result<Comparison, F
     let deviations: Vec<Option<f64>> = logs.iter().map(|log| deviation(log, quantity, &levels)).collect();
     let mut motors = motors(logs, &deviations);
     find_drifts(&mut motors);
-    let scores = log_scores(logs, &deviations, &motors);
+    let scores = log_file_scores(logs, &deviations, &motors);
     let logs = deviations
         .into_iter()
         .zip(scores)
-        .map(|(deviation, score)| deviation.map(|deviation| LogDeviation { deviation, score }))
+        .map(|(deviation, score)| deviation.map(|deviation| LogFileDeviation { deviation, score }))
         .collect();
     let levels = levels.into_iter().map(|(nominal, usual)| (nominal, usual.exp())).collect();
     Ok(Comparison { levels, logs, motors })
@@ -183,7 +183,7 @@ fn find_drifts(motors: &mut BTreeMap<String, MotorDeviation>) {
 }
 
 /// Each log against the median of its motor's others, which it does not pull to itself.
-fn log_scores(
+fn log_file_scores(
     logs: &[FleetMember],
     deviations: &[Option<f64>],
     motors: &BTreeMap<String, MotorDeviation>,

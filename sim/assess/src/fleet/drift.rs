@@ -2,7 +2,7 @@
 
 use rotorlead_numerics::statistics::{f_upper_tail, t_quantile};
 
-use super::share;
+use super::relative_change;
 
 /// Logs of a motor below which a line through them says nothing.
 const FEWEST: usize = 4;
@@ -19,8 +19,8 @@ pub struct Drift {
     /// Probability of such a slope, up or down, where there is none.
     pub p_value: f64,
     slope_per_day: f64,
-    middle_day: f64,
-    middle: f64,
+    mean_day: f64,
+    mean_deviation: f64,
 }
 
 impl Drift {
@@ -30,32 +30,34 @@ impl Drift {
             return None;
         }
         let count = logs.len() as f64;
-        let middle_day = logs.iter().map(|(day, _)| day).sum::<f64>() / count;
-        let middle = logs.iter().map(|(_, deviation)| deviation).sum::<f64>() / count;
-        let spread: f64 = logs.iter().map(|(day, _)| (day - middle_day).powi(2)).sum();
+        let mean_day = logs.iter().map(|(day, _)| day).sum::<f64>() / count;
+        let mean_deviation = logs.iter().map(|(_, deviation)| deviation).sum::<f64>() / count;
+        let spread: f64 = logs.iter().map(|(day, _)| (day - mean_day).powi(2)).sum();
         let slope_per_day =
-            logs.iter().map(|(day, deviation)| (day - middle_day) * (deviation - middle)).sum::<f64>() / spread;
-        let scatter: f64 =
-            logs.iter().map(|(day, deviation)| (deviation - middle - slope_per_day * (day - middle_day)).powi(2)).sum();
+            logs.iter().map(|(day, deviation)| (day - mean_day) * (deviation - mean_deviation)).sum::<f64>() / spread;
+        let scatter: f64 = logs
+            .iter()
+            .map(|(day, deviation)| (deviation - mean_deviation - slope_per_day * (day - mean_day)).powi(2))
+            .sum();
         let dof = count - 2.0;
         let std = (scatter / dof / spread).sqrt();
         if !slope_per_day.is_finite() || std == 0.0 {
             return None;
         }
         let half = t_quantile(0.975, dof) * std;
-        let month = |slope: f64| share(slope * DAYS_PER_MONTH);
+        let month = |slope: f64| relative_change(slope * DAYS_PER_MONTH);
         Some(Self {
             per_month: month(slope_per_day),
             interval: [month(slope_per_day - half), month(slope_per_day + half)],
             p_value: f_upper_tail((slope_per_day / std).powi(2), 1.0, dof),
             slope_per_day,
-            middle_day,
-            middle,
+            mean_day,
+            mean_deviation,
         })
     }
 
     /// The line at a day.
     pub(super) fn at(&self, day: f64) -> f64 {
-        self.middle + self.slope_per_day * (day - self.middle_day)
+        self.mean_deviation + self.slope_per_day * (day - self.mean_day)
     }
 }

@@ -8,7 +8,7 @@ mod compare;
 mod drift;
 mod outlying;
 
-pub use compare::{Comparison, FewLogs, LogDeviation, MotorDeviation, compare};
+pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare};
 pub use drift::Drift;
 pub use outlying::{FEWEST_SCORED, OUTLYING_SCORE};
 
@@ -34,12 +34,12 @@ pub struct FleetMember {
     /// Days since any day that all logs share; `None` where nobody knows.
     pub day: Option<f64>,
     /// What was found, by nominal command.
-    pub points: Vec<LogPoint>,
+    pub points: Vec<LogFilePoint>,
 }
 
 /// A log at one command.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LogPoint {
+pub struct LogFilePoint {
     /// From 0 to 1.
     pub nominal: f64,
     /// Above 0.
@@ -48,7 +48,7 @@ pub struct LogPoint {
     pub gain: f64,
 }
 
-impl LogPoint {
+impl LogFilePoint {
     fn logarithm(&self, quantity: Quantity) -> f64 {
         match quantity {
             Quantity::TimeConstant => self.time_constant_s.ln(),
@@ -59,7 +59,7 @@ impl LogPoint {
 
 /// A share as people say it, of a difference of logarithms: 0.05 is 5 % more.
 #[must_use]
-pub fn share(logarithm: f64) -> f64 {
+pub fn relative_change(logarithm: f64) -> f64 {
     logarithm.exp_m1()
 }
 

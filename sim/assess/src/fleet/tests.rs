@@ -12,7 +12,7 @@ fn fleet(motors: usize, logs: usize, seed: u64, tau_share: impl Fn(usize, usize)
     for motor in 0..motors {
         for log in 0..logs {
             let factor = (tau_share(motor, log) + noise.sample(&mut random)).exp();
-            let point = |nominal: f64, time_constant_s: f64| LogPoint {
+            let point = |nominal: f64, time_constant_s: f64| LogFilePoint {
                 nominal,
                 time_constant_s: factor * time_constant_s,
                 gain: 10.0,
@@ -48,7 +48,7 @@ fn a_motor_that_is_slower_a_log_that_is_wrong_and_a_drift_are_found_and_nothing_
     assert_eq!(motors(|motor| motor.drifts), ["M08"]);
     assert!(motors(MotorDeviation::stands_out).contains(&"M03"));
     let drift = found.motors["M08"].drift.unwrap();
-    let truth = share(0.02 * 365.25 / 12.0 / 30.0);
+    let truth = relative_change(0.02 * 365.25 / 12.0 / 30.0);
     assert!(drift.interval[0] < truth && truth < drift.interval[1], "{drift:?}");
     let gain = compare(&logs, Quantity::Gain).unwrap();
     assert!(gain.logs.iter().all(|log| log.is_some_and(|log| log.score.is_none() && log.deviation == 0.0)));
@@ -82,7 +82,7 @@ fn logs_at_different_commands_are_not_compared() {
     let log = |nominal: f64| FleetMember {
         motor: "M".into(),
         day: None,
-        points: vec![LogPoint { nominal, time_constant_s: 0.1, gain: 1.0 }],
+        points: vec![LogFilePoint { nominal, time_constant_s: 0.1, gain: 1.0 }],
     };
     assert_eq!(compare(&[log(0.3), log(0.4), log(0.5)], Quantity::TimeConstant), Err(FewLogs));
     let found = compare(&[log(0.3), log(0.301), log(0.302), log(0.5)], Quantity::TimeConstant).unwrap();

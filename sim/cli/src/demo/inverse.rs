@@ -1,7 +1,9 @@
 //! The conditioned inverse on the same actuators: what goes beyond the paper.
 
 use rotorlead_answer::{Axis, Cell, Color, Column, Figure, FigureKind, Mark, Panel, Series, Table};
-use rotorlead_design::{BandwidthPoint, Chain, InverseOptions, StepPoint, Stepped, bandwidths, design_inverse, steps};
+use rotorlead_design::{
+    BandwidthPoint, Chain, InverseOptions, StepPoint, StepSimulation, bandwidths, design_inverse, steps,
+};
 use rotorlead_identify::frequency_response::bandwidth::EtfeBandwidth;
 use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::bench::Plan;
@@ -140,10 +142,10 @@ fn figure(
     let mut panels = Vec::new();
     for step in DRAWN_STEPS {
         let stepped =
-            Stepped { model: actuators, esc_frame_hz, nominal, step, rate_hz, duration_s: DRAWN_S, supply: 1.0 };
+            StepSimulation { model: actuators, esc_frame_hz, nominal, step, rate_hz, duration_s: DRAWN_S, supply: 1.0 };
         let mut series = Vec::new();
         // One end for all: that of the actuator alone, a second on.
-        let long = Stepped { duration_s: 3.0, ..stepped }.responses(None)?;
+        let long = StepSimulation { duration_s: 3.0, ..stepped }.responses(None)?;
         let (Some(start), Some(end)) = (long.first(), long.last()) else { continue };
         let slewing = format!("inverse, slew {DRAWN_SLEW_PER_S}/s");
         for (name, color, design) in [

@@ -149,7 +149,7 @@ impl Inject {
         }
         if let Some(named) = &plan.compensator {
             let named = file.parent().unwrap_or(Path::new("")).join(named);
-            if !compensate || !CompensatorDesign::read(&named)?.runs_as(design) {
+            if !compensate || !CompensatorDesign::read(&named)?.is_bit_identical_to(design) {
                 return Err(WrongUse::new(
                     format!("`{}` names `{}`, which is not what the controller has", file.display(), named.display()),
                     "give --compensate true, set the compensator in the controller with `rotorlead device set --compensator`, or \

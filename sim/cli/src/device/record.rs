@@ -42,7 +42,7 @@ fn motor_poles(text: &str) -> Result<u8, String> {
 }
 
 impl Sensor {
-    /// For a controller with these settings.
+    /// RoleArgument a controller with these settings.
     pub(super) fn sensors(&self, settings: &Settings) -> Result<Sensors, DeviceError> {
         let thrust = self.newtons_per_count.zip(self.zero_count);
         let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });
@@ -67,8 +67,8 @@ pub(super) struct Record {
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=5000))]
     divisor: Option<u16>,
     /// What drives the motor meanwhile; `rotorlead identify` takes all but free
-    #[arg(long, value_enum, default_value_t = Played::Free)]
-    excitation: Played,
+    #[arg(long, value_enum, default_value_t = ExcitationArgument::Free)]
+    excitation: ExcitationArgument,
     /// Command around which the motor is run, 0..1; the mean of what is recorded unless given
     #[arg(long, value_name = "U", value_parser = number(Quantity::DUTY), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     nominal: Option<f64>,
@@ -80,14 +80,14 @@ pub(super) struct Record {
     period_s: Option<f64>,
     /// What the record is for; the tools choose unless given
     #[arg(long, value_enum)]
-    role: Option<For>,
+    role: Option<RoleArgument>,
     #[command(flatten)]
     sensor: Sensor,
 }
 
 /// [`Excitation`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Played {
+enum ExcitationArgument {
     /// A periodic sum of sinusoids around --nominal
     Multisine,
     /// A periodic square wave around --nominal
@@ -104,7 +104,7 @@ enum Played {
 
 /// [`Role`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum For {
+enum RoleArgument {
     /// To be fitted
     Fit,
     /// To be kept out of the fit
@@ -122,7 +122,7 @@ Or record with --excitation.
 #[derive(Debug, Error, Diagnostic)]
 #[error("{cause}; of {wanted} rows, {rows} had arrived")]
 #[diagnostic(help("{help}"))]
-struct Broken {
+struct RecordingInterrupted {
     cause: DeviceError,
     rows: usize,
     wanted: usize,
@@ -160,12 +160,12 @@ impl Record {
 
     fn excitation(&self) -> Excitation {
         match self.excitation {
-            Played::Multisine => Excitation::Multisine,
-            Played::Square => Excitation::Square,
-            Played::Triangle => Excitation::Triangle,
-            Played::Step => Excitation::Step,
-            Played::Staircase => Excitation::Staircase,
-            Played::Free => Excitation::Free,
+            ExcitationArgument::Multisine => Excitation::Multisine,
+            ExcitationArgument::Square => Excitation::Square,
+            ExcitationArgument::Triangle => Excitation::Triangle,
+            ExcitationArgument::Step => Excitation::Step,
+            ExcitationArgument::Staircase => Excitation::Staircase,
+            ExcitationArgument::Free => Excitation::Free,
         }
     }
 
@@ -190,8 +190,8 @@ impl Record {
         let found = Some(largest).filter(|&largest| excitation != Excitation::Free && largest > 0.0);
         record.amplitude = self.amplitude.or(found);
         record.role = self.role.map(|role| match role {
-            For::Fit => Role::Fit,
-            For::Validate => Role::Validate,
+            RoleArgument::Fit => Role::Fit,
+            RoleArgument::Validate => Role::Validate,
         });
         Ok(record)
     }
@@ -222,11 +222,11 @@ impl Record {
         if let Err(cause) = ended {
             let kept = if there == 0 { "nothing was written".to_owned() } else { self.salvage(&folder, &stem, record) };
             let help = format!("{}; {kept}", own_help(&cause));
-            return Err(Broken { cause, rows: there, wanted: rows, help }.into());
+            return Err(RecordingInterrupted { cause, rows: there, wanted: rows, help }.into());
         }
         let file = folder.add(&stem, record)?;
         let mut text = format!("{file}, {rows} rows\nWritten to {}\n", self.out.display());
-        if self.excitation == Played::Free {
+        if self.excitation == ExcitationArgument::Free {
             text.push_str(FREE);
         }
         Ok(Outcome::new(text, &json!({ "records": [file], "rows": rows })))

@@ -18,7 +18,7 @@ use rotorlead_plant::{ActiveEffect, CompensatorDesign, FilterDesign, LinearChain
 use serde::{Serialize, Serializer};
 
 use limits::Bound;
-use slowest::slowest;
+use slowest::slowest_within_interval;
 use sweep::Sweep;
 
 use super::{
@@ -214,7 +214,8 @@ fn limited(options: InverseOptions, effects: &[ActiveEffect]) -> InverseOptions 
 
 /// The model with the effects that it has in flight too.
 fn flown(model: &Model, effects: &[ActiveEffect]) -> Model {
-    let has_flown = |kind: &str| effects.iter().any(|effect| effect.kind().id == kind && remarks::flies(effect));
+    let has_flown =
+        |kind: &str| effects.iter().any(|effect| effect.kind().id == kind && remarks::persists_in_flight(effect));
     let mut flown = model.clone();
     flown.effects.retain(|effect| has_flown(&effect.kind));
     flown
@@ -226,7 +227,7 @@ fn compensated(
     options: &RedesignOptions,
     progress: &dyn Fn(),
 ) -> Result<Compensated, PlantError> {
-    let slowest = slowest(model);
+    let slowest = slowest_within_interval(model);
     let points = small_with_limits(model, &design, options)?
         .into_iter()
         .zip(&model.points)

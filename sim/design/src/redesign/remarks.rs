@@ -4,7 +4,7 @@ use rotorlead_plant::effect::{Linearity, Site};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign};
 
 /// Whether a motor in flight has it too: stand and sensor stay on the ground, and what changes with time has no bandwidth.
-pub(super) fn flies(effect: &ActiveEffect) -> bool {
+pub(super) fn persists_in_flight(effect: &ActiveEffect) -> bool {
     let kind = effect.kind();
     let stays_on_the_ground = matches!(kind.site, Site::Stand | Site::Sensor);
     let changes_with_time = kind.site >= Site::Air && kind.linearity == Linearity::Absent;
@@ -86,7 +86,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
                 .to_owned()
         }
         "clock_skew" => "The clock of the logger is no part of the motor, and is left out.".to_owned(),
-        _ if !flies(effect) => format!("No motor in flight has the {}: it is left out here.", effect.kind().title),
+        _ if !persists_in_flight(effect) => format!("No motor in flight has the {}: it is left out here.", effect.kind().title),
         _ => return None,
     })
 }

@@ -1,4 +1,4 @@
-//! The slowest rotor that the records allow.
+//! Model with every time constant at the upper end of its 95 % interval.
 //!
 //! Where a table of an inverse is shorter than the time constant of a rotor, the response falls early to their ratio and goes on level
 //! from there. Near 3 dB a percent of the ratio moves the bandwidth by many, so that the likeliest bandwidth is not one to rely on.
@@ -9,7 +9,7 @@ use crate::inverse::STANDARD_ERRORS;
 
 /// `model` with each time constant at the upper end of its 95 % interval, and each direction of an unequal lag as far from the other as
 /// the records allow; `None` where nothing is known of that.
-pub(super) fn slowest(model: &Model) -> Option<Model> {
+pub(super) fn slowest_within_interval(model: &Model) -> Option<Model> {
     let mut slowest = model.clone();
     let mut is_known = false;
     for point in &mut slowest.points {
@@ -49,10 +49,10 @@ mod tests {
 
     #[test]
     fn the_slowest_is_two_standard_errors_away() {
-        assert_eq!(slowest(&table_1()), None);
+        assert_eq!(slowest_within_interval(&table_1()), None);
         let mut model = table_1();
         model.points[1].time_constant_s_std = Some(0.01 * model.points[1].time_constant_s);
-        let found = slowest(&model).unwrap();
+        let found = slowest_within_interval(&model).unwrap();
         assert!((found.points[1].time_constant_s / model.points[1].time_constant_s - 1.0198).abs() < 1e-4);
         assert_eq!(found.points[0], model.points[0]);
     }
@@ -62,7 +62,7 @@ mod tests {
         let with = |kind: &str, name: &str, value: f64| {
             let of = |value: f64| [(name.to_owned(), value)].into();
             let effect = Effect { kind: kind.to_owned(), parameters: of(value), std: of(0.01 * value.abs()) };
-            let found = slowest(&Model { effects: vec![effect], ..table_1() }).unwrap();
+            let found = slowest_within_interval(&Model { effects: vec![effect], ..table_1() }).unwrap();
             found.effects[0].parameters[name]
         };
         assert!((with("asymmetric_lag", "ratio", 1.5) / 1.5 - 1.0198).abs() < 1e-4);

@@ -12,7 +12,7 @@ const LONGER_STEPS: f64 = 2.5;
 
 impl Record {
     /// The applied commands up to so many rows; from row to row where that is wanted, and will do.
-    pub fn drive(&self, rows: usize, in_rows: bool) -> (Drive<'_>, Interpolation) {
+    pub fn input_signal(&self, rows: usize, in_rows: bool) -> (Drive<'_>, Interpolation) {
         if self.log.is_some() {
             return (Drive { time_s: &self.command_s, command: &self.command }, Interpolation::ZeroOrderHold);
         }
@@ -28,7 +28,7 @@ impl Record {
     }
 
     /// What was before the record, for an actuator with this memory.
-    pub fn start(&self, memory: Memory) -> Start {
+    pub fn initial_condition(&self, memory: Memory) -> Start {
         match self.before {
             _ if self.log.is_some() => Start::Rest(self.command[0]),
             Before::Rest => Start::Rest(self.nominal),
@@ -59,7 +59,7 @@ impl Record {
     }
 
     /// Whether it goes from one settled level to the next.
-    pub fn goes_from_level_to_level(&self) -> bool {
+    pub fn starts_settled(&self) -> bool {
         self.log.as_ref().is_some_and(|log| log.begins_settled)
     }
 }

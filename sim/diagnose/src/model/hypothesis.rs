@@ -379,7 +379,7 @@ impl Hypothesis {
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
         let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
-        let drive = record.drive(rows, self.in_rows);
+        let drive = record.input_signal(rows, self.in_rows);
         if !record.repeats {
             return simulate_interpolated(&mut actuator, drive, start, &stamps);
         }
@@ -419,7 +419,7 @@ impl Hypothesis {
         };
         let actuator = actuator.in_longer_steps(record.step_factor());
         let stamps: Vec<f64> = record.time_s[..rows].iter().map(|time_s| time_s - self.time_offset_s).collect();
-        let start = record.start(actuator.memory());
+        let start = record.initial_condition(actuator.memory());
         Ok((actuator, start, stamps))
     }
 }

@@ -47,8 +47,8 @@ const LEAST_GAIN: f64 = 30.0;
 
 /// Frames that would take more than this from the chi-square are seen where they are, and those that were found are other ones, or none,
 /// where they take less than this part of it.
-const SEEN: f64 = 300.0;
-const MISSED: f64 = 0.25;
+const VISIBLE_CHI_SQUARE: f64 = 300.0;
+const LEAST_REALIZED_SHARE: f64 = 0.25;
 /// The golden ratio, less one.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
@@ -69,7 +69,7 @@ struct Spectrum {
 
 /// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
 /// them, or where another rate does as well as the best by chance.
-pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+pub(crate) fn find_frame_rate(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
         return None;
@@ -99,11 +99,11 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<
         likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
     };
     let peaks =
-        peaks.into_iter().filter_map(|(_, hz)| weighed(hz, placed(likelihood, fit, effect, &spectra, hz, &[0.0])));
+        peaks.into_iter().filter_map(|(_, hz)| weighed(hz, with_rate(likelihood, fit, effect, &spectra, hz, &[0.0])));
     let peaks: Vec<(f64, f64)> = peaks.map(|(left, hz, _)| (left, hz)).collect();
-    let peak_hz = distinct(&peaks, high - low, FINER as f64 * step_hz)?;
+    let peak_hz = unique_peak(&peaks, high - low, FINER as f64 * step_hz)?;
     // A few of its widths.
-    let peak = weighed(peak_hz, placed(likelihood, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
+    let peak = weighed(peak_hz, with_rate(likelihood, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
     let known = peak.2.clone();
     let evaluate = |hz: f64| weighed(hz, at_rate(likelihood, &known, effect, hz));
     let near_hz = peak.1;
@@ -127,7 +127,7 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<
 
 /// The rate of the least chi-square among `peaks`, chi-square and rate. `None` where another one leaves so little more that, of all rates of
 /// the range, `line_hz` apart, the best of those which say nothing is as far ahead by chance.
-fn distinct(peaks: &[(f64, f64)], range_hz: f64, line_hz: f64) -> Option<f64> {
+fn unique_peak(peaks: &[(f64, f64)], range_hz: f64, line_hz: f64) -> Option<f64> {
     let (least, best_hz) = peaks.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let by_chance = 2.0 * (range_hz / line_hz).ln();
     let is_rival = |(left, hz): &(f64, f64)| *left < least + by_chance && (hz - best_hz).abs() > line_hz;
@@ -159,8 +159,13 @@ fn peaks(gain: impl Fn(f64) -> f64 + Sync, (low, high): (f64, f64), step_hz: f64
 /// Whether frames of the rate of `effect`, which lie anywhere in `fit`, would be seen if they were there: the sum of squares by which
 /// the responses to frames differ from the response to their mean is what the chi-square would fall by. `found` is the chi-square with the
 /// frames that were found.
-pub(crate) fn are_missed(likelihood: &Likelihood, fit: &Fit, effect: usize, found: Option<f64>) -> bool {
-    let with = anywhere(likelihood, &fit.hypothesis, effect);
+pub(crate) fn is_predicted_gain_unrealized(
+    likelihood: &Likelihood,
+    fit: &Fit,
+    effect: usize,
+    found: Option<f64>,
+) -> bool {
+    let with = with_spread_phases(likelihood, &fit.hypothesis, effect);
     let difference = |record: &Record| {
         let periodic = likelihood.periodic(record)?;
         let white = |hypothesis| periodic.residual(hypothesis, Split::Train);
@@ -169,11 +174,11 @@ pub(crate) fn are_missed(likelihood: &Likelihood, fit: &Fit, effect: usize, foun
     };
     let shown: f64 = likelihood.data.records.par_iter().filter_map(difference).sum();
     let gained = found.map_or(0.0, |found| fit.chi_square - found);
-    shown > SEEN && gained < MISSED * shown
+    shown > VISIBLE_CHI_SQUARE && gained < LEAST_REALIZED_SHARE * shown
 }
 
 /// With frames that begin somewhere else in each record.
-fn anywhere(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Hypothesis {
+fn with_spread_phases(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Hypothesis {
     let mut hypothesis = known.clone();
     // Multiples of the golden ratio are spread most evenly.
     hypothesis.effects[effect].phases =
@@ -182,7 +187,7 @@ fn anywhere(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Hypot
 }
 
 /// With frames of this rate, in each record where its rows leave least, at these offsets from where its spectrum says.
-fn placed(
+fn with_rate(
     likelihood: &Likelihood,
     fit: &Fit,
     effect: usize,
@@ -304,11 +309,11 @@ mod tests {
     #[test]
     fn a_rate_is_known_where_no_other_does_as_well_by_chance() {
         // 10 000 independent rates: 18.4 by chance.
-        let other = |left: f64, hz: f64| distinct(&[(500.0, 120.0), (left, hz)], 100.0, 0.01);
+        let other = |left: f64, hz: f64| unique_peak(&[(500.0, 120.0), (left, hz)], 100.0, 0.01);
         assert_eq!(other(519.0, 90.0), Some(120.0));
         assert_eq!(other(518.0, 90.0), None);
         // A neighbor of the same peak is no rival.
         assert_eq!(other(501.0, 120.005), Some(120.0));
-        assert_eq!(distinct(&[], 100.0, 0.01), None);
+        assert_eq!(unique_peak(&[], 100.0, 0.01), None);
     }
 }

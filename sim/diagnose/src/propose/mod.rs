@@ -35,7 +35,7 @@ pub(crate) trait Proposal: Sync {
 
     /// How many separate places are looked at, each a trial of its own: where the response jumps about as a value moves, or a peak is
     /// narrow.
-    fn places(&self, kind: &'static Kind) -> f64 {
+    fn independent_trials(&self, kind: &'static Kind) -> f64 {
         let of_value = |pieces: u32| if pieces > GRID { f64::from(pieces) } else { 1.0 };
         Candidate::searched(kind).map(|(_, parameter)| of_value(parameter.pieces)).product()
     }

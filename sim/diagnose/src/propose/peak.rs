@@ -50,7 +50,7 @@ impl Proposal for Peak {
     }
 
     /// At how many frequencies modes are looked for.
-    fn places(&self, kind: &'static Kind) -> f64 {
+    fn independent_trials(&self, kind: &'static Kind) -> f64 {
         let shape = Candidate::searched(kind).filter(|(_, parameter)| !parameter.null.is_finite());
         (PIECES_PER_START * shape.map(|(_, parameter)| parameter.starts.len()).max().unwrap_or(0) + 1) as f64
     }

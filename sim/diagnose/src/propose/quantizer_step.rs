@@ -40,7 +40,7 @@ impl Proposal for QuantizerStep {
         Starts { candidates: if is_in_valley { candidates } else { general() }, is_in_valley }
     }
 
-    fn places(&self, kind: &'static Kind) -> f64 {
+    fn independent_trials(&self, kind: &'static Kind) -> f64 {
         Candidate::searched(kind).map(|(_, parameter)| lines(parameter).len() as f64).product()
     }
 

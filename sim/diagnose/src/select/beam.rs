@@ -53,7 +53,7 @@ impl Search<'_> {
     pub fn beam(&mut self, lags: &Hypothesis) -> Option<(Pool, Vec<WeakEvidence>)> {
         let zero = self.member(fit(&self.likelihood, lags, self.lags)?);
         let screened = self.screened(&zero.fit, &[]);
-        let promised = weak_evidence::promised(&zero.fit, &screened);
+        let promised = weak_evidence::linearized_evidence(&zero.fit, &screened);
         let (mut pool, mut best) = (Pool::default(), zero.clone());
         pool.add(zero);
         // The lags alone have no law to bend.

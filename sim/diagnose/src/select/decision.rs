@@ -1,4 +1,4 @@
-//! What became of each kind, and by which test.
+//! Decision on each kind of effect: added or rejected, and the tests it failed.
 
 use rotorlead_plant::effect::Kind;
 use serde::Serialize;

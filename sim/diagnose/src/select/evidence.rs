@@ -74,12 +74,12 @@ fn occam(fit: &Fit) -> f64 {
 fn jumps(likelihood: &Likelihood, effect: &Candidate) -> f64 {
     if !effect.phases.is_empty() {
         // The rate, and a phase for each record.
-        return propose::proposal_for(effect.kind).places(effect.kind).max(RATES).ln()
+        return propose::proposal_for(effect.kind).independent_trials(effect.kind).max(RATES).ln()
             + likelihood.data.records.len() as f64;
     }
     if !effect.is_non_smooth() {
         return 0.0;
     }
     let shapes = effect.kind.shape().filter(|_| effect.bends).map_or(1.0, |(_, shape)| f64::from(shape.pieces));
-    (propose::proposal_for(effect.kind).places(effect.kind) * shapes).ln() + 1.0
+    (propose::proposal_for(effect.kind).independent_trials(effect.kind) * shapes).ln() + 1.0
 }

@@ -109,14 +109,14 @@ impl Search<'_> {
         // Where single changes wait alike there are no frames to be found.
         let framed = if waits > ALL_ALIKE { self.framed(&mean.fit, hold) } else { None }.map(|fit| self.member(fit));
         let found = framed.as_ref().map(|framed| framed.fit.chi_square);
-        let is_missed = frames::are_missed(&self.likelihood, &mean.fit, hold, found);
+        let is_missed = frames::is_predicted_gain_unrealized(&self.likelihood, &mean.fit, hold, found);
         let best = framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean);
         if is_missed { Member { evidence: f64::NEG_INFINITY, ..best } } else { best }
     }
 
     /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show them.
     fn framed(&self, mean: &Fit, effect: usize) -> Option<Fit> {
-        let framed = frames::find(&self.likelihood, mean, effect)?;
+        let framed = frames::find_frame_rate(&self.likelihood, mean, effect)?;
         let framed = fit(&self.likelihood, &framed, self.lags)?;
         fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
     }

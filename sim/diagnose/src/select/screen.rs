@@ -205,7 +205,7 @@ impl Dataset {
             Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(Record::has_free_map),
             Shows::Anywhere => true,
             Shows::OverLevels => self.has_logs(),
-            Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
+            Shows::BetweenLevels => self.records.iter().any(|record| !record.starts_settled()),
             Shows::BetweenClocks => self.has_periodic(),
             Shows::InForce => self.output == Output::ThrustN,
         }

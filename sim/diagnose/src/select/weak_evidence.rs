@@ -49,11 +49,11 @@ impl fmt::Display for WeakEvidence {
 /// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
 /// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
 fn complexity_penalty(kind: &'static Kind) -> f64 {
-    Candidate::searched(kind).count() as f64 + propose::proposal_for(kind).places(kind).ln()
+    Candidate::searched(kind).count() as f64 + propose::proposal_for(kind).independent_trials(kind).ln()
 }
 
 /// What each kind would gain on `from`, as far as the linearization holds.
-pub(crate) fn promised(from: &Fit, screened: &[Screened]) -> Vec<WeakEvidence> {
+pub(crate) fn linearized_evidence(from: &Fit, screened: &[Screened]) -> Vec<WeakEvidence> {
     let mut promised: Vec<WeakEvidence> = Vec::new();
     // The best start of a kind comes first.
     for (left, _, kind) in screened {

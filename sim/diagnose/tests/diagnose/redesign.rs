@@ -42,7 +42,7 @@ fn without_effects_it_is_what_design_and_bandwidth_give() {
     let model = motor(&[]);
     let found = redesigned(&model, 0.05);
     let plain = design(&model, &DesignOptions::default()).unwrap();
-    assert!(found.full.design.runs_as(&plain.into()));
+    assert!(found.full.design.is_bit_identical_to(&plain.into()));
     let small: Vec<_> = found.full.points.iter().map(|point| point.small).collect();
     assert_eq!(small, bandwidths(&model, Chain::Continuous(plain.lead())));
     // And the whole chain, driven by sinusoids, has the bandwidth that the sampled one is computed to have.

@@ -143,8 +143,8 @@ mod tests {
         written.write(&folder).unwrap();
         let csv = folder.join("test.csv");
         std::fs::write(&csv, edit(std::fs::read_to_string(&csv).unwrap())).unwrap();
-        let (short, none) = Experiment::read_leaving(&folder, u64::MAX).unwrap();
-        let (rest, mut long) = Experiment::read_leaving(&folder, 0).unwrap();
+        let (short, none) = Experiment::read_except_long(&folder, u64::MAX).unwrap();
+        let (rest, mut long) = Experiment::read_except_long(&folder, 0).unwrap();
         assert!(none.is_empty() && rest.records.is_empty());
         (short, rest, long.remove(0))
     }

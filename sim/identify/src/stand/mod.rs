@@ -176,7 +176,7 @@ fn known(std: f64) -> Option<f64> {
     std.is_finite().then_some(std)
 }
 
-/// Identifies a stand from an experiment whose command is a force ([`Experiment::read_force`]).
+/// Identifies a stand from an experiment whose command is a force ([`Experiment::read_force_input`]).
 ///
 /// All records are blows (`excitation = "free"`, the force concentrated in a short time), or the first one that is not is used:
 /// a multisine by its periods, a chirp or noise by the local polynomial method.

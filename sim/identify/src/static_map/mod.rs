@@ -181,8 +181,8 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
                 MapTerms { degree, hysteresis, limit, center: 0.5 * (low + high), half_range: 0.5 * (high - low) };
             let Some(solution) = shape::fit(shape, &points, &std) else { continue };
             let n = points.len() as f64;
-            let criterion =
-                n * solution.sum_of_squares.max(f64::MIN_POSITIVE).ln() + penalty(points.len(), shape.parameters());
+            let criterion = n * solution.sum_of_squares.max(f64::MIN_POSITIVE).ln()
+                + penalty(points.len(), shape.parameter_count());
             if best.as_ref().is_none_or(|b| criterion < b.0) {
                 best = Some((criterion, shape, solution));
             }
@@ -190,7 +190,7 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     }
     let (_, shape, solution) = best.ok_or(StaticMapError::NoFit)?;
     let unit = solution.unit_covariance.as_ref().ok_or(StaticMapError::NoFit)?;
-    let dof = (points.len() - shape.parameters()) as f64;
+    let dof = (points.len() - shape.parameter_count()) as f64;
     let variance = solution.sum_of_squares / dof;
     let mut fit = StaticMapFit {
         coefficients: Vec::new(),
@@ -358,8 +358,8 @@ impl StaticMapFit {
         self.coefficients = (0..n)
             .map(|k| Estimate { value: values[k], std: covariance[(k, k)].max(0.0).sqrt(), dof: self.dof })
             .collect();
-        self.hysteresis = self.shape.width().map(|k| estimate(self, k));
-        if let Some(k) = self.shape.limit() {
+        self.hysteresis = self.shape.hysteresis_index().map(|k| estimate(self, k));
+        if let Some(k) = self.shape.limit_index() {
             let command = estimate(self, k);
             self.limit = Some(MapLimit::Saturates { command, response: self.response(command.value) });
         }

@@ -21,29 +21,29 @@ pub(super) struct MapTerms {
 }
 
 impl MapTerms {
-    pub(super) fn parameters(&self) -> usize {
+    pub(super) fn parameter_count(&self) -> usize {
         self.degree + 1 + usize::from(self.hysteresis) + usize::from(self.limit)
     }
 
     /// Index of the hysteresis' width.
-    pub(super) fn width(&self) -> Option<usize> {
+    pub(super) fn hysteresis_index(&self) -> Option<usize> {
         self.hysteresis.then_some(self.degree + 1)
     }
 
     /// Index of the limit.
-    pub(super) fn limit(&self) -> Option<usize> {
+    pub(super) fn limit_index(&self) -> Option<usize> {
         self.limit.then_some(self.degree + 1 + usize::from(self.hysteresis))
     }
 
     /// The map at `command` for a level reached in `direction`; `None` for the middle of both.
     pub(super) fn response(&self, p: &[f64], command: f64, direction: Option<Direction>) -> f64 {
-        let half_width = self.width().map_or(0.0, |k| 0.5 * p[k]);
+        let half_width = self.hysteresis_index().map_or(0.0, |k| 0.5 * p[k]);
         let moved = match direction {
             Some(Direction::Up) => command - half_width,
             Some(Direction::Down) => command + half_width,
             None => command,
         };
-        let limited = self.limit().map_or(moved, |k| moved.min(p[k]));
+        let limited = self.limit_index().map_or(moved, |k| moved.min(p[k]));
         let z = (limited - self.center) / self.half_range;
         p[..=self.degree].iter().rev().fold(0.0, |sum, b| sum * z + b)
     }
@@ -96,8 +96,8 @@ impl Residuals for MapProblem<'_> {
         for ((out, point), std) in out.iter_mut().zip(self.points).zip(self.std) {
             *out = (self.shape.response(p, point.command, Some(point.direction)) - point.response) / std;
         }
-        self.shape.limit().is_none_or(|k| (0.0..=2.0).contains(&p[k]))
-            && self.shape.width().is_none_or(|k| p[k].abs() < 0.5)
+        self.shape.limit_index().is_none_or(|k| (0.0..=2.0).contains(&p[k]))
+            && self.shape.hysteresis_index().is_none_or(|k| p[k].abs() < 0.5)
     }
 
     fn typical(&self, index: usize) -> f64 {
@@ -110,7 +110,7 @@ const LIMIT_STARTS: [f64; 6] = [0.66, 0.74, 0.81, 0.87, 0.92, 0.97];
 
 /// The least-squares fit of a shape; `None` where the points do not determine it.
 pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Option<Solution> {
-    if points.len() < shape.parameters() + 2 {
+    if points.len() < shape.parameter_count() + 2 {
         return None;
     }
     let scale = points.iter().map(|p| p.response.abs()).fold(f64::MIN_POSITIVE, f64::max);
@@ -128,9 +128,9 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Optio
         });
         let right = nalgebra::DVector::from_fn(points.len(), |row, _| points[row].response / std[row]);
         let linear = rotorlead_numerics::linear::solve(columns, &right, 1e-12)?;
-        let mut start = vec![0.0; shape.parameters()];
+        let mut start = vec![0.0; shape.parameter_count()];
         start[..=shape.degree].copy_from_slice(linear.as_slice());
-        if let Some(k) = shape.limit() {
+        if let Some(k) = shape.limit_index() {
             start[k] = limit;
         }
         if let Some(found) = minimize(&problem, &start, Limits::default())
@@ -142,7 +142,7 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Optio
     }
     // A limit beyond the points is none.
     best.filter(|s| {
-        shape.limit().is_none_or(|k| s.parameters[k] < points.iter().map(|p| p.command).fold(0.0, f64::max))
+        shape.limit_index().is_none_or(|k| s.parameters[k] < points.iter().map(|p| p.command).fold(0.0, f64::max))
     })
 }
 

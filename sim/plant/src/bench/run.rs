@@ -335,7 +335,7 @@ struct Seen {
 impl Seen {
     fn take(&mut self, actuator: &Actuator) {
         self.response.push(actuator.response());
-        if let Some(supply) = actuator.supply() {
+        if let Some(supply) = actuator.state_derivative() {
             self.voltage_v.push(supply.voltage_v);
             self.current_a.push(supply.current_a);
         }

@@ -96,7 +96,7 @@ impl InverseCompensator {
         (Command::saturating_from_f64(self.min), Command::saturating_from_f64(self.max))
     }
 
-    pub(super) fn runs_as(&self, other: &Self) -> bool {
+    pub(super) fn is_bit_identical_to(&self, other: &Self) -> bool {
         // By what is left of the ends in steps of the output.
         let limits = |inverse: &Self| Limits::new(inverse.ends().0, inverse.ends().1, inverse.filter.slew);
         self.filter == other.filter && limits(self) == limits(other)

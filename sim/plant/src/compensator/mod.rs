@@ -166,10 +166,10 @@ impl CompensatorDesign {
 
     /// Whether the controller would make the same of it, bit for bit: the same coefficients and limits.
     #[must_use]
-    pub fn runs_as(&self, other: &Self) -> bool {
+    pub fn is_bit_identical_to(&self, other: &Self) -> bool {
         match (&self.kind, &other.kind) {
             (FilterDesign::Lead(one), FilterDesign::Lead(other)) => one.filter() == other.filter(),
-            (FilterDesign::Inverse(one), FilterDesign::Inverse(other)) => one.runs_as(other),
+            (FilterDesign::Inverse(one), FilterDesign::Inverse(other)) => one.is_bit_identical_to(other),
             _ => false,
         }
     }

@@ -1,7 +1,7 @@
 //! Speeding up and slowing down take different times.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{Motion, RotorTerm};
+use crate::{Motion, RotorEffect};
 
 /// Two time constants, one for each direction.
 pub static KIND: Kind = Kind {
@@ -69,7 +69,7 @@ struct Asymmetry {
     growth: f64,
 }
 
-impl RotorTerm for Asymmetry {
+impl RotorEffect for Asymmetry {
     fn pace(&self, motion: &mut Motion) {
         let faster = if self.growth == 0.0 {
             self.faster

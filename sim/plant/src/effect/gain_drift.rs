@@ -1,7 +1,7 @@
 //! Thrust changes slowly with time.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::{FORGOTTEN, Mode};
+use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
 use crate::{Interval, Memory, ResponseStage, RotorBase};
 
 /// Heating, or the state of charge.
@@ -134,7 +134,7 @@ impl ResponseStage for GainDrift {
     }
 
     fn memory(&self) -> Memory {
-        Memory::Seconds(FORGOTTEN * self.lag_s)
+        Memory::Seconds(MEMORY_TIME_CONSTANTS * self.lag_s)
     }
 
     fn changes(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The time constant is that of the speed of the moment.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{Motion, RotorTerm};
+use crate::{Motion, RotorEffect};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
 const FURTHEST: f64 = 10.0;
@@ -71,7 +71,7 @@ struct SpeedLag {
     linear: f64,
 }
 
-impl RotorTerm for SpeedLag {
+impl RotorEffect for SpeedLag {
     fn pace(&self, motion: &mut Motion) {
         let relative = (motion.speed / motion.anchor.max(f64::MIN_POSITIVE)).clamp(1.0 / FURTHEST, FURTHEST);
         let power = if self.exponent == 1.0 { relative } else { relative.powf(self.exponent) };

@@ -1,7 +1,7 @@
 //! What a kind puts into the chain.
 
 use crate::integrated::IntegratedTerm;
-use crate::{CommandStage, ResponseStage, RotorTerm};
+use crate::{CommandStage, ResponseStage, RotorEffect};
 
 /// The link that an effect is, by where it acts.
 pub enum Part {
@@ -34,7 +34,7 @@ impl Part {
     }
 
     /// A term of the rotor's equation.
-    pub fn rotor(term: impl RotorTerm + 'static) -> Self {
+    pub fn rotor(term: impl RotorEffect + 'static) -> Self {
         Self::Rotor(Box::new(term))
     }
 

@@ -1,7 +1,7 @@
 //! Curvature of steady thrust against command.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::RotorTerm;
+use crate::RotorEffect;
 
 /// A parabola in place of the straight line.
 pub static KIND: Kind = Kind {
@@ -114,12 +114,12 @@ impl Bend {
     }
 }
 
-impl RotorTerm for Curvature {
-    fn bend(&self, deviation: f64) -> f64 {
+impl RotorEffect for Curvature {
+    fn input_nonlinearity(&self, deviation: f64) -> f64 {
         self.ahead.at(deviation)
     }
 
-    fn bend_behind(&self, deviation: f64) -> f64 {
+    fn output_nonlinearity(&self, deviation: f64) -> f64 {
         self.behind.at(deviation)
     }
 }

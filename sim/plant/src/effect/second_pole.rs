@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::filter::{FORGOTTEN, Mode};
+use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
 /// The motor's electrical lag, or a filter of the sensor.
@@ -100,7 +100,7 @@ impl ResponseStage for Lowpass {
     }
 
     fn memory(&self) -> Memory {
-        Memory::Seconds(FORGOTTEN / self.rate_per_s)
+        Memory::Seconds(MEMORY_TIME_CONSTANTS / self.rate_per_s)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::{FORGOTTEN, Mode};
+use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
 /// One structural mode between thrust and sensor.
@@ -100,7 +100,7 @@ impl ResponseStage for Resonance {
     }
 
     fn memory(&self) -> Memory {
-        Memory::Seconds(FORGOTTEN / -self.pole.re)
+        Memory::Seconds(MEMORY_TIME_CONSTANTS / -self.pole.re)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -3,8 +3,8 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::filter::FORGOTTEN;
-use crate::{Motion, RotorBase, RotorTerm, Supply};
+use crate::filter::MEMORY_TIME_CONSTANTS;
+use crate::{Motion, RotorBase, RotorEffect, Supply};
 
 /// The speed, as a command, at which losses of the drive are counted.
 pub(super) const HOVER: f64 = 0.5;
@@ -127,7 +127,7 @@ impl SupplySag {
             hover_current_a: values[5],
             nominal_part: 1.0,
         };
-        sag.nominal_part = sag.part(sag.current(base.supplied_at()), sag.slow * sag.current(base.supplied_at()));
+        sag.nominal_part = sag.part(sag.current(base.reference_supply_command()), sag.slow * sag.current(base.reference_supply_command()));
         sag
     }
 
@@ -161,7 +161,7 @@ pub(super) fn speed_at_rest(drive: f64, nominal_part: f64, part: impl Fn(f64) ->
     0.5 * (low + high)
 }
 
-impl RotorTerm for SupplySag {
+impl RotorEffect for SupplySag {
     fn at_rest(&self, motion: &mut Motion) -> f64 {
         motion.drive = speed_at_rest(motion.drive, self.nominal_part, |speed| {
             let current = self.current(speed);
@@ -170,14 +170,14 @@ impl RotorTerm for SupplySag {
         self.slow * self.current(motion.drive)
     }
 
-    fn supply(&self, own: f64, motion: &mut Motion) -> f64 {
+    fn state_derivative(&self, own: f64, motion: &mut Motion) -> f64 {
         let current = self.current(motion.speed);
         motion.drive *= self.part(current, own) / self.nominal_part;
         (self.slow * current - own) / self.slow_s
     }
 
     fn memory_s(&self) -> f64 {
-        FORGOTTEN * self.slow_s
+        MEMORY_TIME_CONSTANTS * self.slow_s
     }
 
     fn measured(&self, own: f64, motion: &Motion) -> Option<Supply> {

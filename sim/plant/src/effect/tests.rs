@@ -452,7 +452,7 @@ fn small_signals_see_the_linearized_effect() {
 fn a_sagging_supply_overshoots_and_creeps_to_its_steady_voltage() {
     let sag = active(&supply_sag::KIND, &[0.1, 1.0, 0.04, 1.0, 16.0, 10.0]);
     let mut plant = actuator(&[sag]);
-    let supply = plant.supply().unwrap();
+    let supply = plant.state_derivative().unwrap();
     // At a speed of 0.5 both drops are there in full, and the nominal response is that of the model.
     assert!((supply.voltage_v - 16.0 * 0.86).abs() < 1e-9 && (supply.current_a - 10.0).abs() < 1e-9);
     assert!(plant.response().abs() < 1e-9);
@@ -461,16 +461,16 @@ fn a_sagging_supply_overshoots_and_creeps_to_its_steady_voltage() {
         plant.advance(0.6, f64::from(tick) * 1e-3);
         peak = peak.max(plant.response());
     }
-    let (speed, supply) = (plant.speed(), plant.supply().unwrap());
+    let (speed, supply) = (plant.speed(), plant.state_derivative().unwrap());
     let current = (speed / 0.5).powi(2);
     assert!((supply.voltage_v / 16.0 - (1.0 - 0.14 * current)).abs() < 1e-8);
     assert!((speed - 0.6 * supply.voltage_v / (16.0 * 0.86)).abs() < 1e-8);
     assert!((plant.response() - 10.0 * (speed - 0.5)).abs() < 1e-8 && peak > 1.02 * plant.response());
     // With the motor stopped at once the resistance lets go with the speed, the polarization by its time constant.
     plant.advance(0.0, 21.5);
-    let slow_then = 1.0 - plant.supply().unwrap().voltage_v / 16.0;
+    let slow_then = 1.0 - plant.state_derivative().unwrap().voltage_v / 16.0;
     plant.advance(0.0, 22.5);
-    let slow_later = 1.0 - plant.supply().unwrap().voltage_v / 16.0;
+    let slow_later = 1.0 - plant.state_derivative().unwrap().voltage_v / 16.0;
     assert!((slow_later / slow_then - (-1.0_f64).exp()).abs() < 1e-4, "{slow_then} {slow_later}");
 }
 

@@ -4,11 +4,11 @@ use num_complex::Complex64;
 
 use super::supply_sag::{HOVER, speed_at_rest};
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::FORGOTTEN;
-use crate::{Motion, RotorBase, RotorTerm};
+use crate::filter::MEMORY_TIME_CONSTANTS;
+use crate::{Motion, RotorBase, RotorEffect};
 
 /// A motor that has lost so much of its drive has burnt.
-const LEAST_PART: f64 = 0.1;
+const LEAST_REMAINING_DRIVE: f64 = 0.1;
 
 /// Copper's resistance grows with its temperature, and magnets weaken.
 pub static KIND: Kind = Kind {
@@ -66,7 +66,7 @@ pub static KIND: Kind = Kind {
     response: |values, point, omega_rad_s| {
         let heating = Heating::new(values, &RotorBase::Linear(*point));
         // h' = 4 h / speed, and at the nominal command speed and drive are one.
-        let slope = 4.0 * heating.steady(point.nominal) / heating.nominal_part;
+        let slope = 4.0 * heating.steady(point.nominal) / heating.nominal_remaining_drive;
         let slow = Complex64::from(slope) / Complex64::new(1.0, omega_rad_s * heating.heat_s);
         let lag = Complex64::new(1.0, omega_rad_s * point.lag.time_constant_s);
         lag / (lag + slow)
@@ -77,13 +77,13 @@ struct Heating {
     heat_drop: f64,
     heat_s: f64,
     /// Part of the drive that is left where the base model holds.
-    nominal_part: f64,
+    nominal_remaining_drive: f64,
 }
 
 impl Heating {
     fn new(values: &[f64], base: &RotorBase) -> Self {
-        let mut heating = Self { heat_drop: values[0], heat_s: values[1], nominal_part: 1.0 };
-        heating.nominal_part = part(heating.steady(base.supplied_at()));
+        let mut heating = Self { heat_drop: values[0], heat_s: values[1], nominal_remaining_drive: 1.0 };
+        heating.nominal_remaining_drive = remaining_drive(heating.steady(base.reference_supply_command()));
         heating
     }
 
@@ -94,23 +94,23 @@ impl Heating {
 }
 
 /// What is left of the drive.
-fn part(heat: f64) -> f64 {
-    (1.0 - heat).max(LEAST_PART)
+fn remaining_drive(heat: f64) -> f64 {
+    (1.0 - heat).max(LEAST_REMAINING_DRIVE)
 }
 
-impl RotorTerm for Heating {
+impl RotorEffect for Heating {
     fn at_rest(&self, motion: &mut Motion) -> f64 {
-        motion.drive = speed_at_rest(motion.drive, self.nominal_part, |speed| part(self.steady(speed)));
+        motion.drive = speed_at_rest(motion.drive, self.nominal_remaining_drive, |speed| remaining_drive(self.steady(speed)));
         self.steady(motion.drive)
     }
 
-    fn supply(&self, own: f64, motion: &mut Motion) -> f64 {
-        motion.drive *= part(own) / self.nominal_part;
+    fn state_derivative(&self, own: f64, motion: &mut Motion) -> f64 {
+        motion.drive *= remaining_drive(own) / self.nominal_remaining_drive;
         (self.steady(motion.speed) - own) / self.heat_s
     }
 
     fn memory_s(&self) -> f64 {
-        FORGOTTEN * self.heat_s
+        MEMORY_TIME_CONSTANTS * self.heat_s
     }
 }
 

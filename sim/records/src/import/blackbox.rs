@@ -12,7 +12,7 @@ use super::blackbox_frames::{self, BlackboxLog, Rows};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, stamps_kept};
+use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
@@ -68,7 +68,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     }
     // Counted from the first row, as doubles would lose microseconds of none.
     let stamps = rows.iter().map(|&row| (frames.rows[row].0 - frames.rows[rows[0]].0) as f64 * 1e-6).collect();
-    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "time", &rows, stamps)?;
+    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "time", &rows, stamps)?;
     let voltage = column(2);
     let voltage_v = (log.field("vbatLatest").is_some() && voltage.iter().any(|&v| v != 0.0))
         .then(|| voltage.into_iter().map(|v| v * VOLTS).collect());

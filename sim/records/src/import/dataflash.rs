@@ -16,7 +16,7 @@ use super::dataflash_messages::{DataFlashLog, Messages, is_dataflash};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, stamps_kept};
+use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
@@ -102,7 +102,7 @@ fn chirp(
     let range = pulse_range(file, log, &motors(log).pulse_range_parameters(0), time_us[rows[0]], options, &mut notes)?;
     let command = normalized(file, "ECRP.PWM", &rows, picked(&pulse_us, &rows), range)?;
     let stamps = rows.iter().map(|&row| time_us[row] * 1e-6).collect();
-    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ECRP.TimeUS", &rows, stamps)?;
+    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ECRP.TimeUS", &rows, stamps)?;
     let speed = picked(&rpm, &rows);
     notes.extend(age_of_reports(file, log, &time_s, &speed)?);
     let (low_hz, high_hz) = (frequency_hz[rows[0]], frequency_hz[rows[rows.len() - 1]]);
@@ -190,7 +190,7 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let name = format!("{OUTPUTS}.C{output}");
     let command = normalized(file, &name, &rows, held, range)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
-    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ESC.TimeUS", &rows, stamps)?;
+    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ESC.TimeUS", &rows, stamps)?;
     let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);
     let output_s: Vec<f64> = time_us.iter().map(|time| (time - response[rows[0]].0) * 1e-6).collect();
     let put_out: Vec<f64> = pulses.iter().map(scaled).collect();

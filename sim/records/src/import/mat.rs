@@ -12,7 +12,7 @@ use super::mat5::{self, Kind, Variable};
 use super::plain_columns::MOST_LISTED;
 use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, stamps_kept};
+use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken};
 use crate::files::csv_rows::quoted;
 use crate::{Excitation, Output};
@@ -194,7 +194,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     let rpm = speed.as_ref().map(&mut column_of).transpose()?;
     let range = if command.scale == Scale::Pulse { options.pulse_range() } else { (0.0, 1.0) };
     let drive = normalized(file, &command.name, &rows, drive, range)?;
-    let (time_s, sample_rate_hz, timing) = stamps_kept(file, &time.name, &rows, time_s)?;
+    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, &time.name, &rows, time_s)?;
     columns[time.column].note.push_str(", from the first row taken");
 
     let [voltage_v, current_a] = supply.map(|source| {

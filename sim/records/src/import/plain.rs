@@ -46,7 +46,7 @@ pub(super) fn take_table(
     let mut list = ColumnList::new(&plain.table);
     let picks = Picks::choose(&plain, options, &mut list)?;
     let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
-    notes.extend(plain.table.settle_commas(&places)?.map(String::from));
+    notes.extend(plain.table.infer_comma(&places)?.map(String::from));
     let table = &plain.table;
 
     let read: Vec<_> = picks.all().map(|pick| (pick.column, pick.reading())).collect();

@@ -247,7 +247,7 @@ impl<'a> Table<'a> {
     }
 
     /// Finds out what commas in the numbers of `columns` are, and says it.
-    pub(super) fn settle_commas(&mut self, columns: &[usize]) -> Result<Option<&'static str>, ImportError> {
+    pub(super) fn infer_comma(&mut self, columns: &[usize]) -> Result<Option<&'static str>, ImportError> {
         // Where commas are between the cells, one in a number is in quotes.
         let mark = if self.separator == b',' { b'"' } else { b',' };
         if memchr::memchr(mark, self.text.as_bytes()).is_none() {

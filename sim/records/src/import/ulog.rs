@@ -12,7 +12,7 @@ use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
-use super::vectors::{normalized, stamps_kept};
+use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
@@ -116,7 +116,8 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     }
     refuse_flight(file, options, &log, (topic, field, range), (motor, &command), response[rows[0]].0)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
-    let (time_s, sample_rate_hz, timing) = stamps_kept(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
+    let (time_s, sample_rate_hz, timing) =
+        zero_based_stamps(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
     let rpm = rows.iter().map(|&row| response[row].1.abs()).collect();
 
     let mut columns = vec![

@@ -35,7 +35,7 @@ pub(super) fn normalized(
 
 /// The log's own stamps from zero, which have to increase; the rate where they are even; and what to
 /// say of them. At least two stamps.
-pub(super) fn stamps_kept(
+pub(super) fn zero_based_stamps(
     file: &Path,
     name: &str,
     rows: &[usize],

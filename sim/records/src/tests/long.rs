@@ -54,13 +54,13 @@ impl Folder {
     }
 
     fn short(&self) -> Result<Record, FileError> {
-        let (mut experiment, long) = Experiment::read_leaving(self.0.path(), u64::MAX)?;
+        let (mut experiment, long) = Experiment::read_except_long(self.0.path(), u64::MAX)?;
         assert!(long.is_empty());
         Ok(experiment.records.remove(0))
     }
 
     fn long(&self) -> LongRecord {
-        let (experiment, mut long) = Experiment::read_leaving(self.0.path(), 1000).unwrap();
+        let (experiment, mut long) = Experiment::read_except_long(self.0.path(), 1000).unwrap();
         assert!(experiment.records.is_empty());
         long.remove(0)
     }

@@ -153,7 +153,9 @@ pub(super) fn robustness(found: &[DeviatingActuator]) -> Table {
         Typed::new("deviation", "actuator", NONE, 0, |row: &Row| row.deviation.to_owned()),
         Typed::new("lowest_rad_s", "lowest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.lowest)),
         Typed::new("highest_rad_s", "highest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.highest)),
-        Typed::new("lowest_phase_rad_s", "lowest -90 degrees", RAD_S, 1, |row: &Row| datum(row.found.lowest_phase)),
+        Typed::new("lowest_phase_rad_s", "lowest -90 degrees", RAD_S, 1, |row: &Row| {
+            datum(row.found.lowest_phase_crossing)
+        }),
         Typed::new("peak_db", "peak", Unit::plain("dB"), 2, |row: &Row| row.found.peak_db),
         Typed::new("overshoot_percent", "overshoot", PERCENT, 1, |row: &Row| 100.0 * row.found.overshoot),
     ];

@@ -11,7 +11,7 @@ pub use tables::points_table;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
-use rotorlead_assess::{Assessment, Known, assess};
+use rotorlead_assess::{Assessment, AssessmentContext, assess};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::identification::{Identification, IdentifyOptions, Lags, identify};
@@ -78,7 +78,7 @@ impl IdentifyResult {
     ) -> Result<Self, IdentifyError> {
         let mut identification = identify(experiment, options)?;
         let in_short = found.map(found_in_short).unwrap_or_default();
-        let known = Known {
+        let known = AssessmentContext {
             long: !options.long.is_empty(),
             stand: options.stand.is_some(),
             diagnosis: found.map(|found| (found, &*in_short)),

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_answer::Answer;
-use rotorlead_assess::{Assessment, Known, assess};
+use rotorlead_assess::{Assessment, AssessmentContext, assess};
 use rotorlead_design::Latency;
 use rotorlead_design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
@@ -115,7 +115,7 @@ impl Overview {
             _ => assess(
                 experiment,
                 &model,
-                Known { diagnosis: found.map(|found| (found, &*in_short)), ..Known::default() },
+                AssessmentContext { diagnosis: found.map(|found| (found, &*in_short)), ..AssessmentContext::default() },
             ),
         };
         let mut overview = Self {

@@ -181,17 +181,17 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         curvatures.push(Estimate::normal(p[CURVATURE], std(CURVATURE)));
         for (i, &step) in own.iter().enumerate() {
             for (j, &other) in own.iter().enumerate() {
-                let (a, b) = (StepProblem::time_constant(i), StepProblem::time_constant(j));
+                let (a, b) = (StepProblem::time_constant_index(i), StepProblem::time_constant_index(j));
                 let unknown = if i == j { f64::INFINITY } else { 0.0 };
                 result.covariance[(step, other)] = covariance.as_ref().map_or(unknown, |c| c[(a, b)]);
             }
-            let tau_s = p[StepProblem::time_constant(i)].exp();
+            let tau_s = p[StepProblem::time_constant_index(i)].exp();
             let window = &problem.steps[i];
             steps[used[step]].lag = Some(StepLag {
-                time_constant_s: Estimate::normal(tau_s, tau_s * std(StepProblem::time_constant(i))),
-                delay_s: p[DELAY] + p[StepProblem::onset(i)],
-                after: window.after * p[StepProblem::level(i)],
-                before: window.before * p[StepProblem::level_before(i)],
+                time_constant_s: Estimate::normal(tau_s, tau_s * std(StepProblem::time_constant_index(i))),
+                delay_s: p[DELAY] + p[StepProblem::onset_index(i)],
+                after: window.after * p[StepProblem::level_index(i)],
+                before: window.before * p[StepProblem::level_before_index(i)],
                 fit_percent: percent(window, &problem, i, p),
                 bend: p[CURVATURE] / reference / usual_s * tau_s,
             });
@@ -246,7 +246,7 @@ impl Fitted {
         let blocks = self.linearization.blocks.iter().zip(problem.steps);
         let filling =
             blocks.map(|(block, window)| block.tr_mul(&correlated(block, correlation, &window.stamp_variance)));
-        Some(&unit * problem.scattered(filling) * &unit)
+        Some(&unit * problem.assemble_normal_matrix(filling) * &unit)
     }
 }
 
@@ -341,9 +341,10 @@ fn window<'p>(
 /// Variance of the onsets beyond what their own uncertainty explains (moments).
 fn onset_variance(problem: &StepProblem<'_>, rough: &Fitted) -> f64 {
     let steps = problem.steps.len();
-    let onsets: Vec<f64> = (0..steps).map(|k| rough.at.parameters[StepProblem::onset(k)]).collect();
+    let onsets: Vec<f64> = (0..steps).map(|k| rough.at.parameters[StepProblem::onset_index(k)]).collect();
     let unit = scaled_inverse(&rough.linearization.matrix, 0.0);
-    let variance_of = |k: usize| unit.as_ref().map_or(0.0, |c| c[(StepProblem::onset(k), StepProblem::onset(k))]);
+    let variance_of =
+        |k: usize| unit.as_ref().map_or(0.0, |c| c[(StepProblem::onset_index(k), StepProblem::onset_index(k))]);
     // A free onset's variance is that of its step and of the delay it is counted from; the latter, common
     // to all, is what the ties leave: the spread of the ties over the number of steps.
     let common = problem.onset_std_s * problem.onset_std_s / steps as f64;
@@ -365,7 +366,7 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
         };
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {
             let (block, residuals) = (&fitted.linearization.blocks[k], &fitted.at.residuals[k]);
-            let places: Vec<usize> = (0..block.ncols()).map(|local| StepProblem::place(k, local)).collect();
+            let places: Vec<usize> = (0..block.ncols()).map(|local| StepProblem::global_index(k, local)).collect();
             let local =
                 unit.as_ref().map(|u| DMatrix::from_fn(places.len(), places.len(), |i, j| u[(places[i], places[j])]));
             for row in 0..window.y.len() {

@@ -7,7 +7,7 @@
 //! A sensor that is coarse reads the same for many rows as well. So a plateau stands on the record's largest (or smallest)
 //! reading when it does so in many rows and either
 //!
-//! - the largest reading comes up several times as often as the commonest one does on plateaus that do not
+//! - the largest reading comes up several times as often as the mode_share one does on plateaus that do not
 //!   reach it, which have the sensor's own resolution; or
 //! - it is most of what two different commands settle to.
 
@@ -20,7 +20,7 @@ use crate::rows::clipping::{ClippingLimit, FEWEST_ROWS, TIMES_THE_NEXT};
 const MOST: f64 = 0.5;
 
 /// The limits that the response of these plateaus stands on, the upper one first; marks the plateaus that do.
-pub(super) fn mark(plateaus: &mut [Plateau], y: &[f64]) -> Vec<ClippingLimit> {
+pub(super) fn mark_clipped_plateaus(plateaus: &mut [Plateau], y: &[f64]) -> Vec<ClippingLimit> {
     let mut rows = plateaus.iter().flat_map(|plateau| plateau.rows.clone());
     let first = rows.next().map(|row| y[row]);
     // A response that never moves is no limit's doing.
@@ -41,7 +41,7 @@ fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<ClippingLimit
     let rows = |p: &Plateau| y[p.rows.clone()].iter().filter(|&&value| value == at).count();
     let shares: Vec<f64> = plateaus.iter().map(share).collect();
     let usual =
-        plateaus.iter().zip(&shares).filter(|(_, share)| **share == 0.0).map(|(p, _)| commonest(&y[p.settled()]));
+        plateaus.iter().zip(&shares).filter(|(_, share)| **share == 0.0).map(|(p, _)| mode_share(&y[p.settled()]));
     let usual = median(usual);
     let settles = |k: usize| shares[k] >= MOST;
     let first = (0..plateaus.len()).find(|&k| settles(k));
@@ -60,7 +60,7 @@ fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<ClippingLimit
 }
 
 /// The share of the value that comes up most often.
-fn commonest(values: &[f64]) -> f64 {
+fn mode_share(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let longest = sorted.chunk_by(|a, b| a == b).map(<[f64]>::len).max().unwrap_or(0);

@@ -66,25 +66,25 @@ pub(super) struct Linearization {
 }
 
 impl StepProblem<'_> {
-    pub(super) fn level(step: usize) -> usize {
+    pub(super) fn level_index(step: usize) -> usize {
         SHARED + PER_STEP * step
     }
 
-    pub(super) fn level_before(step: usize) -> usize {
-        Self::level(step) + 1
+    pub(super) fn level_before_index(step: usize) -> usize {
+        Self::level_index(step) + 1
     }
 
-    pub(super) fn onset(step: usize) -> usize {
-        Self::level(step) + 2
+    pub(super) fn onset_index(step: usize) -> usize {
+        Self::level_index(step) + 2
     }
 
-    pub(super) fn time_constant(step: usize) -> usize {
-        Self::level(step) + 3
+    pub(super) fn time_constant_index(step: usize) -> usize {
+        Self::level_index(step) + 3
     }
 
     /// Where the local parameters of a step are among all.
-    pub(super) fn place(step: usize, local: usize) -> usize {
-        if local < SHARED { local } else { Self::level(step) + local - SHARED }
+    pub(super) fn global_index(step: usize, local: usize) -> usize {
+        if local < SHARED { local } else { Self::level_index(step) + local - SHARED }
     }
 
     fn count(&self) -> usize {
@@ -99,15 +99,15 @@ impl StepProblem<'_> {
     /// The same, so many seconds later than the rows.
     fn moved(&self, k: usize, p: &[f64], later_s: f64, out: &mut [f64]) -> bool {
         let step = &self.steps[k];
-        let time_constant_s = p[Self::time_constant(k)].exp();
+        let time_constant_s = p[Self::time_constant_index(k)].exp();
         let segment = Segment {
             from_s: step.change_s,
-            level: step.after * p[Self::level(k)],
+            level: step.after * p[Self::level_index(k)],
             time_constant_s,
-            delay_s: p[DELAY] + p[Self::onset(k)],
+            delay_s: p[DELAY] + p[Self::onset_index(k)],
             bend: p[CURVATURE] / self.reference * time_constant_s / self.usual_s,
         };
-        let excess = step.before * p[Self::level_before(k)] - segment.level;
+        let excess = step.before * p[Self::level_before_index(k)] - segment.level;
         let mut ok = segment.delay_s.abs() < MAX_DELAY_S;
         for (&t, out) in step.time_s.iter().zip(out) {
             *out = value(&segment, excess, t + later_s, &mut ok);
@@ -142,13 +142,14 @@ impl StepProblem<'_> {
             ok &= self.residuals(step, &parameters, out);
         }
         let of_rows = residuals.iter().flatten().map(|r| r * r).sum::<f64>();
-        let ties = self.ties().map(|(at, mean, std)| ((parameters[at] - mean) / std).powi(2)).sum::<f64>();
-        ok.then_some(Evaluation { parameters, residuals, sum: of_rows + ties })
+        let gaussian_priors =
+            self.gaussian_priors().map(|(at, mean, std)| ((parameters[at] - mean) / std).powi(2)).sum::<f64>();
+        ok.then_some(Evaluation { parameters, residuals, sum: of_rows + gaussian_priors })
     }
 
     /// The parameters of which something is known beforehand: each with mean and standard deviation.
-    fn ties(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let onsets = (0..self.steps.len()).map(|step| (Self::onset(step), 0.0, self.onset_std_s));
+    fn gaussian_priors(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+        let onsets = (0..self.steps.len()).map(|step| (Self::onset_index(step), 0.0, self.onset_std_s));
         std::iter::once((CURVATURE, self.curvature.0, self.curvature.1)).chain(onsets)
     }
 
@@ -159,16 +160,16 @@ impl StepProblem<'_> {
     }
 
     /// Sums local matrices of the steps into one of all parameters.
-    pub(super) fn scattered(&self, locals: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
+    pub(super) fn assemble_normal_matrix(&self, locals: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
         let mut all = DMatrix::zeros(self.count(), self.count());
         for (step, local) in locals.enumerate() {
             for i in 0..LOCAL {
                 for j in 0..LOCAL {
-                    all[(Self::place(step, i), Self::place(step, j))] += local[(i, j)];
+                    all[(Self::global_index(step, i), Self::global_index(step, j))] += local[(i, j)];
                 }
             }
         }
-        for (at, _, std) in self.ties() {
+        for (at, _, std) in self.gaussian_priors() {
             all[(at, at)] += (std * std).recip();
         }
         all
@@ -188,7 +189,7 @@ impl NormalEquations for StepProblem<'_> {
             let (mut ahead, mut behind) = (vec![0.0; rows], vec![0.0; rows]);
             let mut block = DMatrix::zeros(rows, LOCAL);
             for local in 0..LOCAL {
-                let place = Self::place(k, local);
+                let place = Self::global_index(k, local);
                 let from = p[place];
                 let h = f64::EPSILON.cbrt() * from.abs().max(Self::typical(local));
                 p[place] = from + h;
@@ -204,7 +205,7 @@ impl NormalEquations for StepProblem<'_> {
             }
             blocks.push(block);
         }
-        let matrix = self.scattered(blocks.iter().map(|block| block.tr_mul(block)));
+        let matrix = self.assemble_normal_matrix(blocks.iter().map(|block| block.tr_mul(block)));
         Some(Linearization { blocks, matrix })
     }
 
@@ -225,10 +226,10 @@ impl NormalEquations for StepProblem<'_> {
         for (step, (block, residuals)) in linearization.blocks.iter().zip(&at.residuals).enumerate() {
             let local = block.tr_mul(&DVector::from_column_slice(residuals));
             for (i, value) in local.iter().enumerate() {
-                gradient[Self::place(step, i)] += value;
+                gradient[Self::global_index(step, i)] += value;
             }
         }
-        for (place, mean, std) in self.ties() {
+        for (place, mean, std) in self.gaussian_priors() {
             gradient[place] += (at.parameters[place] - mean) / (std * std);
         }
         gradient

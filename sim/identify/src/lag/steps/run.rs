@@ -64,7 +64,7 @@ impl Run {
         let of = |range: Range<usize>| {
             let mut plateaus = all[range].to_vec();
             plateaus[0].rows.start = settled_from(&plateaus[0], &clean)?;
-            let limits = limits::mark(&mut plateaus, &clean);
+            let limits = limits::mark_clipped_plateaus(&mut plateaus, &clean);
             Some(Self { clean: clean.clone(), spike: spike.clone(), plateaus, limits })
         };
         let found: Vec<Self> = runs(&all).into_iter().filter_map(of).collect();

@@ -1,4 +1,4 @@
-//! What an actuator is worth beside the bare one.
+//! Classifies an actuator against the uncompensated one, by bandwidth and disturbance peak.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ const SAME: f64 = 0.05;
 /// What an actuator is worth beside the bare one, by bandwidth and disturbance peak.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Worth {
+pub enum Benefit {
     /// Better in one, and no worse in the other; or a gain set where the bare actuator has none.
     Better,
     /// No difference.
@@ -20,7 +20,7 @@ pub enum Worth {
     Worse,
 }
 
-impl Worth {
+impl Benefit {
     /// In one word.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -58,21 +58,21 @@ impl Row {
 
     /// What it is worth beside `bare`; `None` for an actuator that has no gain set where the bare one has none either.
     #[must_use]
-    pub fn worth(&self, bare: &Self) -> Option<Worth> {
+    pub fn benefit(&self, bare: &Self) -> Option<Benefit> {
         let Some(Ratios { bandwidth, disturbance_peak, .. }) = self.ratios(bare) else {
             return match (&self.performance, &bare.performance) {
-                (Some(_), None) => Some(Worth::Better),
-                (None, Some(_)) => Some(Worth::Worse),
+                (Some(_), None) => Some(Benefit::Better),
+                (None, Some(_)) => Some(Benefit::Worse),
                 _ => None,
             };
         };
         let is_better = bandwidth > 1.0 + SAME || disturbance_peak < 1.0 - SAME;
         let is_worse = bandwidth < 1.0 - SAME || disturbance_peak > 1.0 + SAME;
         Some(match (is_better, is_worse) {
-            (true, false) => Worth::Better,
-            (false, true) => Worth::Worse,
-            (true, true) => Worth::Mixed,
-            (false, false) => Worth::Same,
+            (true, false) => Benefit::Better,
+            (false, true) => Benefit::Worse,
+            (true, true) => Benefit::Mixed,
+            (false, false) => Benefit::Same,
         })
     }
 }
@@ -99,18 +99,18 @@ mod tests {
     fn worth_is_by_bandwidth_and_peak() {
         let bare = row(ActuatorKind::None, 80.0, 1.0);
         for (bandwidth, peak, expected) in [
-            (100.0, 0.5, Worth::Better),
-            (100.0, 1.02, Worth::Better),
-            (82.0, 0.98, Worth::Same),
-            (100.0, 1.4, Worth::Mixed),
-            (60.0, 2.0, Worth::Worse),
-            (81.0, 1.2, Worth::Worse),
+            (100.0, 0.5, Benefit::Better),
+            (100.0, 1.02, Benefit::Better),
+            (82.0, 0.98, Benefit::Same),
+            (100.0, 1.4, Benefit::Mixed),
+            (60.0, 2.0, Benefit::Worse),
+            (81.0, 1.2, Benefit::Worse),
         ] {
-            assert_eq!(row(INVERSE, bandwidth, peak).worth(&bare), Some(expected), "{bandwidth}, {peak}");
+            assert_eq!(row(INVERSE, bandwidth, peak).benefit(&bare), Some(expected), "{bandwidth}, {peak}");
         }
         let none = Row { actuator: ActuatorKind::None, performance: None };
-        assert_eq!(bare.worth(&none), Some(Worth::Better));
-        assert_eq!(none.worth(&bare), Some(Worth::Worse));
-        assert_eq!(none.worth(&none), None);
+        assert_eq!(bare.benefit(&none), Some(Benefit::Better));
+        assert_eq!(none.benefit(&bare), Some(Benefit::Worse));
+        assert_eq!(none.benefit(&none), None);
     }
 }
