@@ -36,13 +36,16 @@ pub struct LogFormat {
     pub(super) reader: Reader,
 }
 
+/// Reads a log, `None` where it is of another format. The path is what messages call it.
+type Read<T> = fn(&Path, &T, &ImportOptions) -> Result<Option<Taken>, ImportError>;
+
 /// How a format is recognized and read.
 #[derive(Debug)]
 pub(super) enum Reader {
-    /// From bytes; `None` where they are of another format.
-    Bytes(fn(&Path, &[u8], &ImportOptions) -> Result<Option<Taken>, ImportError>),
-    /// From text; `None` where it is of another format.
-    Text(fn(&Path, &str, &ImportOptions) -> Result<Option<Taken>, ImportError>),
+    /// From bytes.
+    Bytes(Read<[u8]>),
+    /// From text.
+    Text(Read<str>),
     /// As a table, where the names of its columns are the format's.
     Table {
         is_header: fn(&[String]) -> bool,
