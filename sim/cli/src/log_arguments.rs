@@ -51,8 +51,8 @@ pub struct LogArguments {
     /// Which part of the log to take, in seconds from its first row; all of it unless given
     #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
-    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; unless given what
-    /// the log's own parameters say, or else 1000..2000
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, or what
+    /// the log's own parameters say
     #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
     /// Which motor to take of an autopilot's log, from 1; unless given the first, or the one of a chirp that says no motor

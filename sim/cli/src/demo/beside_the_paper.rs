@@ -31,7 +31,7 @@ impl Demonstrated<'_> {
                 None => "No record shows its noise.".to_owned(),
             },
             format!(
-                "MeasuredActuator with the filter in integers in the loop: {} of {} compensated bandwidths have their noise-free \
+                "Measured with the filter in integers in the loop: {} of {} compensated bandwidths have their noise-free \
                  value inside their 95 % interval.",
                 self.measured.len() - outside,
                 self.measured.len()

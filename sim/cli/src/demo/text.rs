@@ -37,7 +37,7 @@ impl Demonstrated<'_> {
         writeln!(out, "\n{}", self.inverse.table().text().trim_end())?;
         writeln!(
             out,
-            "  MeasuredActuator with an amplitude of 0.02: by the paper's 0.05 the command of the\n  \
+            "  Measured with an amplitude of 0.02: by the paper's 0.05 the command of the\n  \
              slowest actuator would meet its limits. Beyond 0.05 outside the commands that\n  \
              were measured the inverse is bypassed."
         )?;

@@ -42,7 +42,7 @@ fn motor_poles(text: &str) -> Result<u8, String> {
 }
 
 impl Sensor {
-    /// RoleArgument a controller with these settings.
+    /// For a controller with these settings.
     pub(super) fn sensors(&self, settings: &Settings) -> Result<Sensors, DeviceError> {
         let thrust = self.newtons_per_count.zip(self.zero_count);
         let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });

@@ -15,7 +15,7 @@
 //! - *Hysteresis*: the width in command between levels reached from below and from above. A motor that warms up
 //!   along the record looks alike; a second pass upwards tells the two apart. On a ramp it contains twice the lag times
 //!   the ramp's rate.
-//! - *MapLimit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
+//! - *Limit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
 
 pub(crate) mod error;
 mod points;
