@@ -103,7 +103,7 @@ pub struct Identification {
 /// A motor on a simulated stand, with noise:
 ///
 /// ```
-/// use rotorlead_identify::{IdentifyOptions, identify};
+/// use rotorlead_identify::identification::{IdentifyOptions, identify};
 /// use rotorlead_plant::Model;
 /// use rotorlead_plant::bench::{Plan, run};
 ///

@@ -158,7 +158,7 @@ pub struct ComparedRow {
 /// A motor that is slower than its model:
 ///
 /// ```
-/// use rotorlead_identify::validate;
+/// use rotorlead_identify::validate::validate;
 /// use rotorlead_plant::Model;
 /// use rotorlead_plant::bench::{Plan, run};
 ///
