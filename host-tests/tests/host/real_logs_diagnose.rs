@@ -107,7 +107,7 @@ fn delay_ms(found: &Diagnosis) -> (f64, &Lateness) {
 }
 
 /// A log of a stand whose command is 0 to 2047, without the rows at command `without`.
-fn of_dshot(name: &str, without: Option<f64>) -> Option<Diagnosis> {
+fn diagnosed_dshot(name: &str, without: Option<f64>) -> Option<Diagnosis> {
     let path = real_log("Log_2019-11-09_181347.csv")?.parent()?.parent()?.join("sar_simulation").join(name);
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.trim_start_matches('\u{feff}').lines().filter(|line| !line.starts_with('#'));
@@ -189,7 +189,7 @@ fn esc32_log_f40() {
 #[test]
 fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
     for (without, log) in [(None, "micro"), (Some(753.0), "micro, without five rows")] {
-        let Some(found) = of_dshot("micro_2023-12-17_162234.csv", without) else { return };
+        let Some(found) = diagnosed_dshot("micro_2023-12-17_162234.csv", without) else { return };
         check(&found, log, &["transport_delay", "supply_sag"], 95.0);
         let (delay_ms, lateness) = delay_ms(&found);
         assert!((27.0..34.0).contains(&delay_ms), "{delay_ms}");
@@ -201,7 +201,7 @@ fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
 /// By hand the steps during which the logger does not stand still have a delay of 20 to 26 ms, and all together one of 20 to 50.
 #[test]
 fn log_that_stands_still_during_most_of_its_steps() {
-    let Some(found) = of_dshot("so_v5_2023-12-13_130935.csv", None) else { return };
+    let Some(found) = diagnosed_dshot("so_v5_2023-12-13_130935.csv", None) else { return };
     check(&found, "so_v5", &["transport_delay"], 97.0);
     assert_eq!((found.cut[0].stalled_steps, found.cut[0].steps), (11, 14));
     let (delay_ms, lateness) = delay_ms(&found);

@@ -30,7 +30,7 @@ pub(crate) struct PlateauResidual {
     after: GroupResiduals,
 }
 
-/// SquaredResiduals of what a hypothesis leaves.
+/// Squared residuals of a hypothesis.
 #[derive(Clone, Debug, Default)]
 struct GroupResiduals {
     /// Number of independent levels, and their sum of squares.

@@ -16,7 +16,7 @@ use scan::Scan;
 
 /// Where a search begins, and how it goes on.
 pub(crate) struct Starts {
-    /// ByPlausibleRange to begin with.
+    /// Values to begin with.
     pub candidates: Vec<Candidate>,
     /// Whether the best of them lies in a narrow valley, which has to be followed down.
     pub is_in_valley: bool,

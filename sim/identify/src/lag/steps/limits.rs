@@ -7,7 +7,7 @@
 //! A sensor that is coarse reads the same for many rows as well. So a plateau stands on the record's largest (or smallest)
 //! reading when it does so in many rows and either
 //!
-//! - the largest reading comes up several times as often as the mode_share one does on plateaus that do not
+//! - the largest reading comes up several times as often as the commonest one does on plateaus that do not
 //!   reach it, which have the sensor's own resolution; or
 //! - it is most of what two different commands settle to.
 
