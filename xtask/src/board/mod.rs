@@ -242,6 +242,25 @@ mod tests {
         }
     }
 
+    /// RTIC takes a priority as a literal alone, so that no constant of `generated.rs` can stand there.
+    #[test]
+    fn the_tasks_of_each_board_have_the_interrupts_and_priorities_of_its_description() {
+        for board in super::all().unwrap() {
+            let main =
+                if board.sources().join("main.rs").is_file() { board.sources() } else { super::root().join("src") };
+            let code = std::fs::read_to_string(main.join("main.rs")).unwrap();
+            let bound: Vec<&str> =
+                code.lines().filter_map(|line| line.trim().strip_prefix("#[task(binds = ")).collect();
+            assert_eq!(bound.len(), board.interrupts.len(), "{}: {bound:?}", board.name);
+            for interrupt in &board.interrupts {
+                let described = format!("{}, priority = {}", interrupt.name, interrupt.priority);
+                let is_it = |rest: &str| rest.starts_with([',', ')']);
+                let is_bound = bound.iter().any(|task| task.strip_prefix(&*described).is_some_and(is_it));
+                assert!(is_bound, "{}: no task binds {described}: {bound:?}", board.name);
+            }
+        }
+    }
+
     #[test]
     fn a_board_that_is_not_there_is_refused_with_the_names_of_those_that_are() {
         let error = super::named("stm32f406").unwrap_err();
