@@ -30,7 +30,7 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
   --rivals WHICH    what an effect must be distinguished from: those known to be confused with it (default), all, or
                     none: then what can be identified at all stays unknown
   --program NAME    what the page calls the program that is judged, as `git describe` does
-  --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals
+  --page FILE       writes the page there when the whole report set was run with 5 seeds or more, against all rivals
 ";
 
 struct Options {
@@ -103,7 +103,7 @@ fn read(arguments: &[String]) -> Result<Options, String> {
     if tool.is_some() == only_ceilings {
         return Err("either --tool or --only-ceilings is needed".to_owned());
     }
-    let is_whole = set == Set::Report && only.is_empty() && seeds >= 10 && rivals == Rivals::All;
+    let is_whole = set == Set::Report && only.is_empty() && seeds >= 5 && rivals == Rivals::All;
     let scratch = match &keep {
         Some(_) => None,
         None => Some(tempfile::tempdir().map_err(|error| format!("no folder for the cases: {error}"))?),
