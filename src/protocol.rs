@@ -213,7 +213,7 @@ impl Pulse {
         if span_ticks < PulseScale::MIN_SPAN_TICKS {
             return Err(PulseError::TimerTooSlow { span_ticks });
         }
-        Ok(PulseScale::of_span(low as u32, span_ticks))
+        Ok(PulseScale::from_span(low as u32, span_ticks))
     }
 
     /// Widths of the shortest and the longest pulse in ticks of a timer that counts at `timer_hz`, to the nearest tick. DShot

@@ -220,7 +220,7 @@ impl PulseScale {
     pub const FULL: Self = Self { low_ticks: 0, span_ticks: 1, reciprocal: 1 << 31, normalizer: 1 << 30 };
 
     /// The conversion for widths from `low_ticks` to `span_ticks` above, which is within its range.
-    pub(crate) const fn of_span(low_ticks: u32, span_ticks: u32) -> Self {
+    pub(crate) const fn from_span(low_ticks: u32, span_ticks: u32) -> Self {
         let span = span_ticks as u64;
         // With floor(log2(span)) + 2 bits the reciprocal is in (2^30, 2^31], and its rounding moves a command by at
         // most span / 2 / 2^shift <= 1/4 of a step.

@@ -120,8 +120,8 @@ pub struct Pulse {
 
 /// The whole pulses of a pin.
 #[must_use]
-pub fn pulses_of(trace: &Trace, pin: u8) -> Vec<Pulse> {
-    pulses_in(trace.edges_of(pin))
+pub fn read_pulses(trace: &Trace, pin: u8) -> Vec<Pulse> {
+    pulses_in(trace.edges_on(pin))
 }
 
 /// The whole pulses in the edges of one pin.
@@ -174,8 +174,8 @@ pub fn frames(pin: u8, speed: Speed, frames: impl IntoIterator<Item = (u64, u16)
 /// # Panics
 /// Where a pulse or a bit has not its length to so many cycles and a part in 500, or a frame not 16 bits.
 #[must_use]
-pub fn frames_of(trace: &Trace, pin: u8, speed: Speed, cycles: f64) -> Vec<(u64, u16)> {
-    frames_in(trace.edges_of(pin), trace.cycles, speed, cycles).unwrap_or_else(|problem| panic!("{problem}"))
+pub fn decode_frames(trace: &Trace, pin: u8, speed: Speed, cycles: f64) -> Vec<(u64, u16)> {
+    frames_in(trace.edges_on(pin), trace.cycles, speed, cycles).unwrap_or_else(|problem| panic!("{problem}"))
 }
 
 /// The frames of DShot in the edges of one pin up to `end`.

@@ -65,7 +65,7 @@ fn inverse(settings: &Settings, motor: usize, of_motor: &MotorSettings) -> Resul
     };
     let curve = of_motor.curve.as_ref().ok_or(InverseError::NoPoints);
     curve
-        .and_then(|curve| InverseDesign::of_curve(parameters.reference(), f64::from(settings.loop_rate_hz), curve))
+        .and_then(|curve| InverseDesign::from_curve(parameters.reference(), f64::from(settings.loop_rate_hz), curve))
         .and_then(|design| design.filter(settings.slew_per_s, range))
         .map(Filter::Inverse)
         .map_err(|error| FilterError::Inverse { motor, error })

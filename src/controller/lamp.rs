@@ -21,7 +21,7 @@ pub enum Lamp {
 impl Lamp {
     /// Of this state.
     #[must_use]
-    pub fn of(tick: &Tick, is_bench_enabled: bool, tells_pulses_apart: bool) -> Self {
+    pub fn select(tick: &Tick, is_bench_enabled: bool, tells_pulses_apart: bool) -> Self {
         if tick.outputs() == Outputs::Low {
             // Whatever the inputs ask for.
             Self::Useless

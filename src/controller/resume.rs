@@ -244,7 +244,7 @@ impl ResumeMemory {
         let mut filters =
             filters.as_chunks().0.iter().map(|words| filter(kind, &words.each_ref().map(|word| word.load(Relaxed))));
         let mut next = || filters.next().flatten();
-        Some((settings, origin_of(origin.load(Relaxed))?, [next()?, next()?, next()?, next()?]))
+        Some((settings, origin_from_number(origin.load(Relaxed))?, [next()?, next()?, next()?, next()?]))
     }
 
     fn crc(&self) -> u32 {
@@ -399,7 +399,7 @@ fn origin_number(origin: Origin) -> u32 {
     ORIGINS.iter().position(|&other| other == origin).map_or(u32::MAX, |index| index as u32)
 }
 
-fn origin_of(number: u32) -> Option<Origin> {
+fn origin_from_number(number: u32) -> Option<Origin> {
     ORIGINS.get(number as usize).copied()
 }
 

@@ -8,7 +8,7 @@ use crate::throttle::{Command, PulseScale};
 pub const BELOW_THROTTLE: u16 = 47;
 /// The highest throttle, and the highest value.
 pub const HIGHEST: u16 = 2047;
-const SCALE: PulseScale = PulseScale::of_span(BELOW_THROTTLE as u32, (HIGHEST - BELOW_THROTTLE) as u32);
+const SCALE: PulseScale = PulseScale::from_span(BELOW_THROTTLE as u32, (HIGHEST - BELOW_THROTTLE) as u32);
 
 /// How the four last bits follow from the twelve before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub enum Checksum {
 
 impl Checksum {
     /// Of twelve bits.
-    pub(super) const fn of(self, payload: u16) -> u16 {
+    pub(super) const fn compute(self, payload: u16) -> u16 {
         let sum = payload ^ (payload >> 4) ^ (payload >> 8);
         match self {
             Self::Normal => sum & 0xf,
@@ -108,7 +108,7 @@ impl Frame {
     #[must_use]
     pub const fn new(value: Value, reports: bool, checksum: Checksum) -> Self {
         let payload = (value.0 << 1) | reports as u16;
-        Self((payload << 4) | checksum.of(payload))
+        Self((payload << 4) | checksum.compute(payload))
     }
 
     /// A frame that has come in.
@@ -116,7 +116,7 @@ impl Frame {
     /// # Errors
     /// [`BadChecksum`].
     pub const fn from_bits(bits: u16, checksum: Checksum) -> Result<Self, BadChecksum> {
-        if checksum.of(bits >> 4) == bits & 0xf { Ok(Self(bits)) } else { Err(BadChecksum) }
+        if checksum.compute(bits >> 4) == bits & 0xf { Ok(Self(bits)) } else { Err(BadChecksum) }
     }
 
     /// The bits, the first on the line the highest.

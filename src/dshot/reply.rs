@@ -87,7 +87,7 @@ impl Reply {
             bits = (bits << 4) | u16::from(nibble);
         }
         let payload = bits >> 4;
-        if Checksum::Inverted.of(payload) != bits & 0xf {
+        if Checksum::Inverted.compute(payload) != bits & 0xf {
             return Err(BadReply::Checksum);
         }
         Ok(Self { payload })
@@ -96,7 +96,7 @@ impl Reply {
     /// The levels of the line that say it: [`REPLY_BITS`], the first the highest bit.
     #[must_use]
     pub fn to_levels(self) -> u32 {
-        let bits = (self.payload << 4) | Checksum::Inverted.of(self.payload);
+        let bits = (self.payload << 4) | Checksum::Inverted.compute(self.payload);
         let mut code = 0_u32;
         for nibble in (0..4_u32).rev() {
             let group = GROUPS.get(usize::from((bits >> (4 * nibble)) & 0xf)).copied().unwrap_or(0);

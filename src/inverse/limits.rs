@@ -13,7 +13,7 @@ pub(super) const HALF_STEP: i32 = 1 << (STEP_SHIFT - 1);
 
 /// So many steps of the output, which are a command.
 #[inline]
-pub(super) const fn command_of(steps: i32) -> Command {
+pub(super) const fn command_from_steps(steps: i32) -> Command {
     Command::from_bits_in_range(steps << STEP_SHIFT)
 }
 
@@ -86,13 +86,13 @@ impl Limits {
     /// The lowest output.
     #[must_use]
     pub const fn min(&self) -> Command {
-        command_of(self.range.min)
+        command_from_steps(self.range.min)
     }
 
     /// The highest output.
     #[must_use]
     pub const fn max(&self) -> Command {
-        command_of(self.range.min + self.range.span)
+        command_from_steps(self.range.min + self.range.span)
     }
 
     /// The largest change of the output per tick.

@@ -1,7 +1,7 @@
 //! The tick.
 
 use super::fixed_point::{add_high_product, cold_path, product, shift_rounded, shifted_30_saturated};
-use super::limits::{HALF_STEP, STEP_SHIFT, command_of, nearest_steps};
+use super::limits::{HALF_STEP, STEP_SHIFT, command_from_steps, nearest_steps};
 use super::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits};
 use crate::throttle::Command;
 
@@ -118,13 +118,13 @@ impl ConditionedInverse {
         self.u = u;
         // Four times `A` is under 2^31.
         self.v = self.limits.bits().confined(add_high_product(self.v, coefficients.a() << 2, x));
-        command_of(u)
+        command_from_steps(u)
     }
 
     /// The last output. Before the first tick, the level at rest.
     #[must_use]
     pub const fn output(&self) -> Command {
-        command_of(self.u)
+        command_from_steps(self.u)
     }
 
     /// The rotor's state `v` that the inverse reckons with: the command whose steady thrust the rotor has now.

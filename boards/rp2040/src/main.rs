@@ -151,7 +151,7 @@ mod app {
     fn show(board: &mut impl controller::ControlAccess, milliseconds: u32) {
         let is_bench_enabled = board.is_bench_enabled();
         let tells_pulses_apart = board.facts().clocks.tells_pulses_apart();
-        let lamp = board.tick(|tick| Lamp::of(tick, is_bench_enabled, tells_pulses_apart));
+        let lamp = board.tick(|tick| Lamp::select(tick, is_bench_enabled, tells_pulses_apart));
         crate::pins::Pins::steal().put(LED, lamp.is_on(milliseconds));
     }
 

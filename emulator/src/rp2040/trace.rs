@@ -77,7 +77,7 @@ pub struct Trace {
 
 impl Trace {
     /// Edges of one pin.
-    pub fn edges_of(&self, pin: u8) -> impl Iterator<Item = Edge> {
+    pub fn edges_on(&self, pin: u8) -> impl Iterator<Item = Edge> {
         self.edges.iter().copied().filter(move |edge| edge.pin == pin)
     }
 

@@ -261,7 +261,7 @@ impl Case {
     /// The chain with what is hidden in it.
     #[must_use]
     pub fn setup(&self) -> Setup {
-        Setup { shape: self.shape, ..Setup::of(&self.effects, self.resistance_share) }
+        Setup { shape: self.shape, ..Setup::from_effects(&self.effects, self.resistance_share) }
     }
 
     /// Makes one record's columns.

@@ -152,16 +152,16 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     match case.class {
         // No law of the catalog is the truth of one that is bent, and the likelihood knows the noise without nuisances.
         Class::Empty | Class::Outside | Class::Perturbed | Class::Nuisance | Class::SingleInNuisance => None,
-        Class::Pair | Class::Triple => Some(of_several(fitter, case, which)),
+        Class::Pair | Class::Triple => Some(ceiling_of_several(fitter, case, which)),
         Class::Single(kind) => {
             let kinds = if kind == Kind::ParameterError { Vec::new() } else { vec![kind] };
-            Some(against(fitter, case, &kinds, &of_kind(kind, which)))
+            Some(against(fitter, case, &kinds, &rivals_of(kind, which)))
         }
     }
 }
 
 /// What a kind has to be distinguished from. Wrong numbers are no rival, since all numbers are fitted anew.
-fn of_kind(kind: Kind, which: Rivals) -> Vec<Kind> {
+fn rivals_of(kind: Kind, which: Rivals) -> Vec<Kind> {
     let rivals = match which {
         Rivals::None => &[],
         Rivals::Family => kind.confused_with(),
@@ -171,7 +171,7 @@ fn of_kind(kind: Kind, which: Rivals) -> Vec<Kind> {
 }
 
 /// The ceiling of several effects: all but one, and these beside what that one may be taken for.
-fn of_several(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
+fn ceiling_of_several(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
     let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
     let all: Vec<usize> = (0..case.runs.len()).collect();
     let truth = fitter.best(&kinds, None, None);
@@ -186,7 +186,7 @@ fn of_several(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
         let without = fitter.best(&stay, frozen.as_ref(), None);
         rivals.push((stays.clone(), Difference::Fitted(without.log_likelihood - truth.log_likelihood)));
         let samples = samples(case, &truth, &without);
-        for comes in of_kind(*goes, which).into_iter().filter(|comes| !stay.contains(comes)) {
+        for comes in rivals_of(*goes, which).into_iter().filter(|comes| !stay.contains(comes)) {
             let rival: Vec<Kind> = stay.iter().copied().chain([comes]).collect();
             let difference = difference(fitter, &truth, &rival, frozen.as_ref(), &samples);
             exchanges.push(Exchange { stays: stays.clone(), comes: comes.name().to_owned(), difference });
@@ -340,7 +340,7 @@ mod tests {
         let found = super::ceiling(&case, &columns, Rivals::Family).unwrap();
         let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
         let count =
-            |stays: Kind, goes: Kind| of_kind(goes, Rivals::Family).iter().filter(|comes| **comes != stays).count();
+            |stays: Kind, goes: Kind| rivals_of(goes, Rivals::Family).iter().filter(|comes| **comes != stays).count();
         assert_eq!(found.exchanges.len(), count(kinds[0], kinds[1]) + count(kinds[1], kinds[0]));
         // Two effects explain at least what one of them does.
         for exchange in &found.exchanges {

@@ -53,7 +53,7 @@ pub struct Hidden {
 impl Truth {
     /// The truth of a case.
     #[must_use]
-    pub fn of(case: &Case, ceiling: Option<Ceiling>) -> Self {
+    pub fn new(case: &Case, ceiling: Option<Ceiling>) -> Self {
         let gain = case.motor.points.iter().map(|point| point.gain_n).sum::<f64>() / case.motor.points.len() as f64;
         let colored: f64 = case.noise.colored.iter().map(|(sigma, _)| sigma * sigma).sum();
         let power = case.noise.white_n.powi(2) + colored + case.noise.hum_n.powi(2);
@@ -246,9 +246,9 @@ mod tests {
 
     #[test]
     fn the_truth_names_the_law_and_the_nuisances() {
-        let bent = Truth::of(&Case::draw(Set::Tune, Class::Perturbed, 12), None);
+        let bent = Truth::new(&Case::draw(Set::Tune, Class::Perturbed, 12), None);
         assert_eq!((bent.law.as_deref(), bent.effects[0].kind.as_str()), (Some("delay_jitter"), "transport_delay"));
-        let nuisance = Truth::of(&Case::draw(Set::Tune, Class::Nuisance, 4), None);
+        let nuisance = Truth::new(&Case::draw(Set::Tune, Class::Nuisance, 4), None);
         assert_eq!(nuisance.nuisances[0], "missing_rows");
         assert!(nuisance.effects.is_empty() && nuisance.law.is_none());
     }
@@ -259,7 +259,7 @@ mod tests {
         let rivals = [("backlash", Difference::Fitted(-3.25)), ("dead_band", Difference::AtMost(-120.5))];
         let rivals = rivals.map(|(name, difference)| (name.to_owned(), difference)).to_vec();
         let ceiling = Ceiling { nothing: -12.5, rivals, exchanges: Vec::new() };
-        let truth = Truth::of(&case, Some(ceiling));
+        let truth = Truth::new(&case, Some(ceiling));
         let again: Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
         assert_eq!(again, truth);
         assert!(truth.is_invisible() && truth.effects.len() == 2);

@@ -205,7 +205,7 @@ impl<'a> Likelihood<'a> {
 
     /// The answer in each chosen record.
     fn respond(&mut self, motor: &Motor, effects: &[Effect]) -> Vec<Response> {
-        let setup = Setup::of(effects, self.case.resistance_share);
+        let setup = Setup::from_effects(effects, self.case.resistance_share);
         let (path, step_s) = (setup.path(), (self.step_s)(&setup));
         let driven = match self.driven.take() {
             Some(known) if known.path == path && known.step_s == step_s => known,

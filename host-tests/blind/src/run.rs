@@ -127,7 +127,7 @@ fn one(plan: &Plan, class: Class, number: u64) -> Result<Scored, String> {
     let case = Case::draw(plan.set, class, number);
     let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
     let ceiling = cached_ceiling(plan, &case, &columns)?;
-    let truth = Truth::of(&case, ceiling);
+    let truth = Truth::new(&case, ceiling);
     let name = folder::name(&case);
     let truth_path = plan.folder.join("truth").join(format!("{name}.json"));
     let answer_path = plan.folder.join("answers").join(format!("{name}.json"));

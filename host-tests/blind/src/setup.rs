@@ -90,7 +90,7 @@ impl Default for Setup {
 impl Setup {
     /// The chain with these effects, and a resistance that makes `resistance_share` of a supply's slow drop.
     #[must_use]
-    pub fn of(effects: &[Effect], resistance_share: f64) -> Self {
+    pub fn from_effects(effects: &[Effect], resistance_share: f64) -> Self {
         let mut setup = Self::default();
         for effect in effects {
             let value = |index: usize| effect.values[index];

@@ -35,7 +35,7 @@ fn folder() -> &'static Path {
 /// # Errors
 /// When the folder cannot be read.
 pub fn fuzzers() -> Result<Vec<String>> {
-    let files = files_of(folder())?;
+    let files = list_files(folder())?;
     Ok(files.iter().filter_map(|name| name.strip_suffix(ENDING)).map(str::to_owned).collect())
 }
 
@@ -115,11 +115,11 @@ pub fn pack(folder: &Path) -> Result<Inputs> {
         let bytes = fs::read(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok((name, bytes))
     };
-    files_of(folder)?.into_iter().map(read).collect()
+    list_files(folder)?.into_iter().map(read).collect()
 }
 
 /// Names of the files of a folder, in their order.
-fn files_of(folder: &Path) -> Result<Vec<String>> {
+fn list_files(folder: &Path) -> Result<Vec<String>> {
     let names = || {
         let mut names = Vec::new();
         for entry in fs::read_dir(folder)? {

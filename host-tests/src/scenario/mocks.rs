@@ -200,7 +200,7 @@ impl<'a> Board<'a> {
         let milliseconds = (self.now / ms(1.0)) as u32;
         let board = &mut self.rig.hardware.board;
         let (is_bench_enabled, clocks) = (board.status.bench_enabled, board.status.facts.clocks);
-        let lamp = Lamp::of(board.tick_mut(), is_bench_enabled, clocks.tells_pulses_apart());
+        let lamp = Lamp::select(board.tick_mut(), is_bench_enabled, clocks.tells_pulses_apart());
         let is_lit = lamp.is_on(milliseconds / LAMP_STEP_MS * LAMP_STEP_MS);
         if is_lit != self.is_lit {
             self.is_lit = is_lit;

@@ -110,7 +110,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn edges_of(&self, pin: u8) -> Result<impl Iterator<Item = Edge> + Clone, Miss> {
+    fn edges_on(&self, pin: u8) -> Result<impl Iterator<Item = Edge> + Clone, Miss> {
         let Outputs::Edges { edges, .. } = &self.outputs else { return Err(Miss::Cannot("no pins")) };
         Ok(edges.iter().copied().filter(move |edge| edge.pin == pin))
     }
@@ -120,7 +120,7 @@ impl Outcome {
     /// # Errors
     /// Where the target has no pins.
     pub fn pulses(&self, motor: u8) -> Result<Vec<Pulse>, Miss> {
-        Ok(pins::pulses_in(self.edges_of(OUTPUT_1 + motor)?))
+        Ok(pins::pulses_in(self.edges_on(OUTPUT_1 + motor)?))
     }
 
     /// What an output has sent as frames of DShot: when each began, and its bits.
@@ -129,7 +129,7 @@ impl Outcome {
     /// Where the target has no pins, or something else was sent.
     pub fn frames(&self, motor: u8, speed: Speed) -> Result<Vec<(u64, u16)>, Miss> {
         let Outputs::Edges { true_to_cycles, .. } = self.outputs else { return Err(Miss::Cannot("no pins")) };
-        let edges = self.edges_of(OUTPUT_1 + motor)?;
+        let edges = self.edges_on(OUTPUT_1 + motor)?;
         pins::frames_in(edges, self.end, speed, true_to_cycles)
             .map_err(|problem| Miss::Wrong(format!("output {motor}: {problem}")))
     }
@@ -139,7 +139,7 @@ impl Outcome {
     /// # Errors
     /// Where the target has no pins.
     pub fn flashes(&self) -> Result<Vec<u64>, Miss> {
-        Ok(self.edges_of(LED)?.filter(|edge| edge.is_high).map(|edge| edge.cycle).collect())
+        Ok(self.edges_on(LED)?.filter(|edge| edge.is_high).map(|edge| edge.cycle).collect())
     }
 
     /// Wrong where one of these outputs ever was high.
@@ -149,7 +149,7 @@ impl Outcome {
     pub fn hold_low(&self, motors: impl IntoIterator<Item = u8>) -> Result<(), Miss> {
         for motor in motors {
             let highs = match &self.outputs {
-                Outputs::Edges { .. } => self.edges_of(OUTPUT_1 + motor)?.filter(|edge| edge.is_high).count(),
+                Outputs::Edges { .. } => self.edges_on(OUTPUT_1 + motor)?.filter(|edge| edge.is_high).count(),
                 Outputs::Registers(widths) => widths.iter().filter(|widths| widths[usize::from(motor)] > 0.0).count(),
             };
             hold(highs == 0, || format!("output {motor} goes high {highs} times"))?;

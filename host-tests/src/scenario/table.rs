@@ -92,10 +92,10 @@ struct Table {
 impl Table {
     fn read() -> Self {
         let page = std::fs::read_to_string(PAGE).unwrap_or_else(|error| panic!("{PAGE}: {error}"));
-        Self::of(&page).unwrap_or_else(|| panic!("docs/firmware.md has no table between {BEGIN} and {END}"))
+        Self::parse(&page).unwrap_or_else(|| panic!("docs/firmware.md has no table between {BEGIN} and {END}"))
     }
 
-    fn of(page: &str) -> Option<Self> {
+    fn parse(page: &str) -> Option<Self> {
         let (begin, end) = (page.find(BEGIN)? + BEGIN.len(), page.find(END)?);
         let mut lines = page.get(begin..end)?.lines().skip_while(|line| !line.starts_with("|"));
         let head: Vec<&str> = lines.by_ref().take(2).collect();
@@ -145,7 +145,7 @@ mod tests {
     fn a_page_is_written_as_it_was_read_but_for_one_cell() {
         let page =
             format!("a\n{BEGIN}\n\n| s | a | b | c | d |\n|---|---|---|---|---|\n| x | 1 | 2 | 3 | 4 |\n\n{END}\nb\n");
-        let mut table = Table::of(&page).unwrap();
+        let mut table = Table::parse(&page).unwrap();
         assert_eq!(table.page(), page);
         "yes".clone_into(table.cell("x", Column::Rp2040js));
         assert_eq!(table.page(), page.replace("| 3 |", "| yes |"));

@@ -10,7 +10,7 @@ const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/da
 
 /// Two levels with a multisine and a square wave each, as `good`.
 fn good() -> Stand {
-    let stand = Stand::of_two_levels();
+    let stand = Stand::with_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out good");
     stand
 }

@@ -137,7 +137,7 @@ fn a_name_with_a_line_break_begins_no_line_of_what_is_said() {
 
 #[test]
 fn a_name_with_orders_and_markup_and_formulas_is_a_name() {
-    let stand = Stand::of_two_levels();
+    let stand = Stand::with_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
     let evil = "=1+1\\u001b[2J<script>\\u009b\\u202e";
     let named = stand.read("sim/experiment.toml").replacen("name = \"", &format!("name = \"{evil}"), 1);

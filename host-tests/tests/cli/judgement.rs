@@ -127,7 +127,7 @@ fn every_command_says_the_same_of_a_motor() {
         diagnosed_alike(&stand, "stand", judgement["state"].as_str().unwrap(), &name);
     };
     thread::scope(|scope| logs().into_iter().for_each(|log| drop(scope.spawn(move || judge(log)))));
-    let stand = Stand::of_two_levels();
+    let stand = Stand::with_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
     fs::remove_dir_all(stand.path("stand")).unwrap();
     fs::rename(stand.path("sim"), stand.path("stand")).unwrap();
@@ -207,7 +207,7 @@ fn a_ramp_that_a_lag_imitates_is_no_lag() {
 
 #[test]
 fn where_the_numbers_are_in_doubt_that_comes_first_and_nothing_is_built() {
-    let stand = Stand::of_two_levels();
+    let stand = Stand::with_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
     fs::remove_dir_all(stand.path("stand")).unwrap();
     fs::rename(stand.path("sim"), stand.path("stand")).unwrap();

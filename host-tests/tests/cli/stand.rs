@@ -130,7 +130,7 @@ impl Stand {
     }
 
     /// As [`Self::new`], with two levels in `plan.toml`, a multisine and a square wave each, and `actuators.toml` for them.
-    pub fn of_two_levels() -> Self {
+    pub fn with_two_levels() -> Self {
         let stand = Self::new();
         stand.write("plan.toml", host_tests::stand_plan());
         stand.write("actuators.toml", ACTUATORS);

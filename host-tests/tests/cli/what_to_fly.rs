@@ -48,7 +48,7 @@ fn for_what_is_no_lag_nothing_is_designed_unless_a_kind_is_asked_for() {
 
 #[test]
 fn a_report_draws_what_it_recommends_first() {
-    let stand = Stand::of_two_levels();
+    let stand = Stand::with_two_levels();
     stand.run("simulate --model actuators.toml --plan plan.toml --out sim");
     let identified = stand.json("identify sim --out model.toml");
     let report = stand.json("report sim --no-diagnosis --out page.html");

@@ -70,7 +70,7 @@ impl Flight {
     }
 
     /// Those of these commands.
-    fn widths_of(&self, settings: &Settings, commands: [f64; MOTORS]) -> [u32; MOTORS] {
+    fn compute_widths(&self, settings: &Settings, commands: [f64; MOTORS]) -> [u32; MOTORS] {
         let plan = Plan::new(&settings.clone().validate().unwrap(), CRYSTAL.timer_hz, true).unwrap();
         let (scale, _) = plan.output.pulses().unwrap();
         commands.map(|command| scale.to_width_ticks(EscCommand::from(self.rig.as_measured(command))))
@@ -165,10 +165,10 @@ fn after_a_reset_in_flight_the_first_tick_holds_the_last_commands_until_the_hold
         assert_eq!(flight.info().motors, [ChannelState::Holding; MOTORS]);
         for n in 0..HOLD_TICKS {
             flight.silence(1);
-            assert_eq!(flight.widths(), flight.widths_of(&settings, COMMANDS), "tick {n} after {reset:?}");
+            assert_eq!(flight.widths(), flight.compute_widths(&settings, COMMANDS), "tick {n} after {reset:?}");
         }
         flight.silence(1);
-        assert_eq!(flight.widths(), flight.widths_of(&settings, [0.0; MOTORS]), "stop pulses");
+        assert_eq!(flight.widths(), flight.compute_widths(&settings, [0.0; MOTORS]), "stop pulses");
         assert_eq!(flight.info().motors, [ChannelState::Lost; MOTORS]);
         // Locked until a disarmed command, as after any loss.
         flight.fly(500, COMMANDS, true);
@@ -183,7 +183,7 @@ fn with_good_input_the_flight_goes_on() {
     flight.silence(HOLD_TICKS / 2);
     flight.fly(500, [0.6; MOTORS], true);
     assert_eq!(flight.info().motors, [ChannelState::Armed; MOTORS]);
-    assert_eq!(flight.widths(), flight.widths_of(&settings, [0.6; MOTORS]));
+    assert_eq!(flight.widths(), flight.compute_widths(&settings, [0.6; MOTORS]));
     // And a loss is held again, and the disarmed command stops at once.
     flight.fly(FRAME_TICKS, [0.0; MOTORS], true);
     assert_eq!(flight.info().motors, [ChannelState::Disarmed; MOTORS]);
@@ -197,7 +197,7 @@ fn what_is_held_is_the_command_and_no_peak_of_the_filter() {
     let mut flight = flying(&settings);
     flight.fly(5000, [0.4; MOTORS], true);
     flight.fly(5 * FRAME_TICKS, [0.5; MOTORS], true);
-    let held = flight.widths_of(&settings, [0.5; MOTORS]);
+    let held = flight.compute_widths(&settings, [0.5; MOTORS]);
     assert!(flight.widths()[0] > held[0] + held[0] / 20, "{:?} is no peak above {held:?}", flight.widths());
     let mut flight = flight.reset(panicked());
     assert_eq!(flight.info().resumed, ALL);
@@ -227,7 +227,7 @@ fn only_motors_that_a_flight_controller_turned_for_longer_than_a_hold_go_on() {
     let mut flight = flight.reset(ResetReason::Watchdog);
     assert_eq!(flight.info().resumed, [false, true, false, false]);
     flight.silence(1);
-    assert_eq!(flight.widths(), [0, flight.widths_of(&Settings::default(), [0.4; MOTORS])[1], 0, 0]);
+    assert_eq!(flight.widths(), [0, flight.compute_widths(&Settings::default(), [0.4; MOTORS])[1], 0, 0]);
 }
 
 #[test]

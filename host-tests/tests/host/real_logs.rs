@@ -191,7 +191,7 @@ fn esc32_log_f40() {
     assert!((table_s / point_s / 0.9 - 0.86).abs() < 0.01, "{}", table_s / point_s);
 }
 
-fn map_of(it: &Identified) -> StaticMapFit {
+fn static_map(it: &Identified) -> StaticMapFit {
     let steady = SteadyPoints::from_record(&it.log.experiment.records[0], it.log.experiment.output, None).unwrap();
     let fit = fit_static_map(&steady).unwrap();
     println!(
@@ -236,7 +236,7 @@ fn check_alignment(it: &Identified) {
 #[test]
 fn held_out_steps_static_map_and_alignment_of_the_rcbenchmark_log() {
     let Some(it) = identified("Log_2019-11-09_181347.csv") else { return };
-    let map = map_of(&it);
+    let map = static_map(&it);
     assert!(
         matches!(map.limit, Some(MapLimit::Falls { command, .. }) if (command - 0.9).abs() < 1e-6),
         "{:?}",
@@ -248,7 +248,7 @@ fn held_out_steps_static_map_and_alignment_of_the_rcbenchmark_log() {
 #[test]
 fn held_out_steps_static_map_and_alignment_of_the_f60_log() {
     let Some(it) = identified("esc32v3_f60-1.csv") else { return };
-    let map = map_of(&it);
+    let map = static_map(&it);
     assert!(
         matches!(map.limit, Some(MapLimit::Falls { command, .. }) if (command - 0.95).abs() < 1e-6),
         "{:?}",
@@ -260,7 +260,7 @@ fn held_out_steps_static_map_and_alignment_of_the_f60_log() {
 #[test]
 fn held_out_steps_static_map_and_alignment_of_the_f40_log() {
     let Some(it) = identified("f40_steps_5-2.csv") else { return };
-    let map = map_of(&it);
+    let map = static_map(&it);
     assert!(!matches!(map.limit, Some(MapLimit::Falls { .. })), "{:?}", map.limit);
     check_alignment(&it);
 }

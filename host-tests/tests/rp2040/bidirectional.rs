@@ -83,7 +83,7 @@ fn run(settings: &Settings, end: u64) -> Run {
 
 /// The edges of a pin from a cycle on up to another: when, and the level from then on.
 fn edges_between(trace: &Trace, pin: u8, from: u64, to: u64) -> Vec<(u64, bool)> {
-    let edges = trace.edges_of(pin).filter(|edge| (from..to).contains(&edge.cycle));
+    let edges = trace.edges_on(pin).filter(|edge| (from..to).contains(&edge.cycle));
     edges.map(|edge| (edge.cycle, edge.is_high)).collect()
 }
 

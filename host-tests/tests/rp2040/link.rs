@@ -2,7 +2,7 @@
 
 use emulator::rp2040::{Bytes, Edge, Emulator, Flash as Stored, PowerCut, Region, Run, Trace};
 use host_tests::flash::Flash;
-use host_tests::pins::{self, INPUT_1, JUMPER, OUTPUT_1, ms, pulses, pulses_of, us};
+use host_tests::pins::{self, INPUT_1, JUMPER, OUTPUT_1, ms, pulses, read_pulses, us};
 use host_tests::scenario::table::{self, Column};
 use host_tests::scenario::yes;
 use rotorlead::dshot::Speed;
@@ -75,9 +75,9 @@ fn check_outputs(flash: &[u8], is_new: bool) {
     run.inputs = pulses(INPUT_1, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0));
     let trace = pins::trace(Emulator::Node, &run);
     if is_new {
-        assert!(pins::frames_of(&trace, OUTPUT_1, Speed::Dshot600, 1.0).len() > 20);
+        assert!(pins::decode_frames(&trace, OUTPUT_1, Speed::Dshot600, 1.0).len() > 20);
     } else {
-        let pulses = pulses_of(&trace, OUTPUT_1);
+        let pulses = read_pulses(&trace, OUTPUT_1);
         assert!(pulses.len() > 10 && pulses.iter().all(|pulse| pulse.width == us(1000.0)), "{pulses:?}");
     }
 }
@@ -127,7 +127,7 @@ fn frames_go_on_while_the_flash_is_erased_and_written() {
     let trace = pins::trace(Emulator::Node, &run);
     assert!(trace.faults.is_empty(), "{:?}", trace.faults);
     assert_eq!(trace.flash_operations, 2, "an erase and a page");
-    let sent = pins::frames_of(&trace, OUTPUT_1, Speed::Dshot600, 1.0);
+    let sent = pins::decode_frames(&trace, OUTPUT_1, Speed::Dshot600, 1.0);
     let until = run.until_cycle;
     let during = sent.iter().map(|(cycle, _)| *cycle).filter(|cycle| *cycle > saved_at);
     let during: Vec<u64> = std::iter::once(saved_at).chain(during).chain([until]).collect();

@@ -56,7 +56,7 @@ fn info(trace: &Trace) -> Info {
 
 /// The pulses of a motor that began after `cycle`.
 fn pulses_after(trace: &Trace, motor: u8, cycle: u64) -> Vec<Pulse> {
-    pins::pulses_of(trace, OUTPUT_1 + motor).into_iter().filter(|pulse| pulse.rise > cycle).collect()
+    pins::read_pulses(trace, OUTPUT_1 + motor).into_iter().filter(|pulse| pulse.rise > cycle).collect()
 }
 
 fn is_near(pulse: &Pulse, width_us: f64) -> bool {

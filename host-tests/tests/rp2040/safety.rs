@@ -35,9 +35,9 @@ fn a_control_task_that_stops_is_reset_with_the_outputs_low() {
     let after = reset.cycle - stopped;
     assert!((ms(19.0)..=ms(20.1)).contains(&after), "{} ms", after as f64 / 125e3);
     // Until then the last pulse is repeated; the pin is low from the reset on, and the start takes longer than the run.
-    let is_high = trace.edges_of(OUTPUT_1).take_while(|edge| edge.cycle <= reset.cycle).last().unwrap().is_high;
+    let is_high = trace.edges_on(OUTPUT_1).take_while(|edge| edge.cycle <= reset.cycle).last().unwrap().is_high;
     assert!(!is_high, "high at the reset");
-    assert_eq!(trace.edges_of(OUTPUT_1).filter(|edge| edge.cycle > reset.cycle).count(), 0);
+    assert_eq!(trace.edges_on(OUTPUT_1).filter(|edge| edge.cycle > reset.cycle).count(), 0);
     table::hold_cannot(
         table::WATCHDOG,
         &[(Column::Mocks, "no reset"), (Column::Stm32, "no watchdog"), (Column::Rp2040Emu, "no watchdog")],
@@ -67,7 +67,7 @@ fn a_panic_takes_the_outputs_low_and_info_names_it_after_the_restart() {
     assert!(reset.is_forced);
     assert!((panics_at..panics_at + ms(6.0)).contains(&reset.cycle), "{} ms", reset.cycle as f64 / 125e3);
     for motor in 0..4 {
-        let levels: Vec<Edge> = trace.edges_of(OUTPUT_1 + motor).collect();
+        let levels: Vec<Edge> = trace.edges_on(OUTPUT_1 + motor).collect();
         let is_high = levels.iter().take_while(|edge| edge.cycle < reset.cycle).last().unwrap().is_high;
         assert!(!is_high, "output {motor} at the reset");
         // The flight controller is armed: no pulse until it disarms.

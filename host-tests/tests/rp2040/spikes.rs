@@ -72,7 +72,7 @@ fn taken(emulator: Emulator, pulses: &Pulses, spikes: impl Fn(f64, u64, u64) -> 
     let trace = pins::trace(emulator, &run);
     let cycles = if emulator == Emulator::Node { 1.0 } else { 20.0 };
     std::array::from_fn(|motor| {
-        let sent = pins::frames_of(&trace, OUTPUT_1 + motor as u8, Speed::Dshot600, cycles);
+        let sent = pins::decode_frames(&trace, OUTPUT_1 + motor as u8, Speed::Dshot600, cycles);
         let mut taken = Taken { count: 0, worst_us: 0.0 };
         let mut last = None;
         for (start, bits) in sent {

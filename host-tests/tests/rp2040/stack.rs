@@ -36,7 +36,7 @@ fn a_stack_that_leaves_its_memory_is_a_fault_with_the_outputs_low_and_harms_no_d
     // A tick at most, and 56 KiB of pushes of nine words in twelve cycles.
     assert!((overflows..overflows + ms(0.4)).contains(&reset.cycle), "{} ms", reset.cycle as f64 / 125e3);
     for motor in 0..MOTORS as u8 {
-        let before = trace.edges_of(OUTPUT_1 + motor).take_while(|edge| edge.cycle < reset.cycle);
+        let before = trace.edges_on(OUTPUT_1 + motor).take_while(|edge| edge.cycle < reset.cycle);
         assert!(!before.last().unwrap().is_high, "output {motor} at the reset");
     }
     let mut receiver = Receiver::<Message>::new();

@@ -22,6 +22,6 @@ fn the_brown_out_detector_is_on_at_0_946_v() {
 fn the_regulator_has_a_fixed_frequency() {
     let mut run = Run::new(pins::image(), ms(100.0));
     run.watch.push(REGULATOR_MODE);
-    let modes: Vec<Edge> = pins::trace(Emulator::Node, &run).edges_of(REGULATOR_MODE).collect();
+    let modes: Vec<Edge> = pins::trace(Emulator::Node, &run).edges_on(REGULATOR_MODE).collect();
     assert!(matches!(modes[..], [Edge { is_high: true, .. }]), "{modes:?}");
 }

@@ -77,7 +77,7 @@ pub fn frame(value: u16, reports: bool) -> u16 {
     Frame::new(Value::new(value).expect("a value"), reports, Checksum::Normal).to_bits()
 }
 
-fn bits_of(sent: &[(u64, u16)]) -> Vec<u16> {
+fn to_bits(sent: &[(u64, u16)]) -> Vec<u16> {
     sent.iter().map(|(_, bits)| *bits).collect()
 }
 
@@ -105,7 +105,7 @@ fn each_frame(target: &dyn Target) -> Proof {
             let Some(first) = first else {
                 return Err(Miss::Wrong(format!("{protocol:?}, output {motor}: stops only")));
             };
-            let passed = bits_of(&sent[first..]);
+            let passed = to_bits(&sent[first..]);
             let expected: Vec<u16> = (turns..).map(|n| frame(value(motor, n), n % 3 == 0)).take(passed.len()).collect();
             hold(passed == expected, || format!("{protocol:?}, output {motor}: {passed:x?}, and not {expected:x?}"))?;
             hold(passed.len() >= 40, || format!("{protocol:?}: {} frames", passed.len()))?;
@@ -138,7 +138,7 @@ fn instructions(target: &dyn Target) -> Proof {
     }
     let outcome = target.play(&play)?;
     for motor in 0..4 {
-        let sent = bits_of(&outcome.frames(motor, Speed::Dshot600)?);
+        let sent = to_bits(&outcome.frames(motor, Speed::Dshot600)?);
         let passed: Vec<u16> = sent.into_iter().skip_while(|bits| *bits != frame(1, true)).take(40).collect();
         let expected: Vec<u16> = (first..).map(|n| frame(value(n), value(n) != 0)).take(40).collect();
         hold(passed == expected, || format!("output {motor}: {passed:x?}, and not {expected:x?}"))?;
@@ -159,7 +159,7 @@ fn damaged_frames(target: &dyn Target) -> Proof {
     play.frames(2, Speed::Dshot150, period, |n| Some(if n < armed { frame(0, false) } else { 0xffff }));
     play.pulses(3, us(2500.0), play.end, |_| 1000.0);
     let outcome = target.play(&play)?;
-    let sent = bits_of(&outcome.frames(0, Speed::Dshot600)?);
+    let sent = to_bits(&outcome.frames(0, Speed::Dshot600)?);
     let good: Vec<u16> = sent.into_iter().skip_while(|bits| *bits != frame(1000, false)).collect();
     let came = (armed..).take_while(|n| LINES_BEGIN + n * period < play.end - us(500.0));
     // The first two do not arm yet.
@@ -186,7 +186,7 @@ fn pulses_to_frames(target: &dyn Target) -> Proof {
         hold(armed >= 10, || format!("output {motor}: {armed} stops"))?;
         let armed = &sent[armed..];
         let is_value = armed.iter().all(|(_, bits)| *bits == frame(value, false));
-        hold(is_value, || format!("output {motor}: {:x?}, and not {value}", bits_of(armed)))?;
+        hold(is_value, || format!("output {motor}: {:x?}, and not {value}", to_bits(armed)))?;
         // One in two ticks of 200 µs, since 4000 a second are the most.
         hold(armed.len() > 40, || format!("output {motor}: {} frames", armed.len()))?;
         let wrong = armed.windows(2).find(|pair| (pair[1].0 - pair[0].0).abs_diff(us(400.0)) > us(25.0));

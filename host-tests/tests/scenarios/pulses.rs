@@ -157,7 +157,7 @@ struct Step {
 
 impl Step {
     /// A flight controller that sends a pulse in every 12 ticks, which ends in the middle of one.
-    fn of(target: &dyn Target) -> Result<Self, Miss> {
+    fn play(target: &dyn Target) -> Result<Self, Miss> {
         let settings =
             Settings { input: PulseSettings { frame_hz: 417, ..Settings::default().input }, ..standard(true) };
         let period = 12 * TICK;
@@ -209,7 +209,7 @@ impl Step {
 }
 
 fn step(target: &dyn Target) -> Proof {
-    let step = Step::of(target)?;
+    let step = Step::play(target)?;
     let is_whole = step.pulses.iter().all(|pulses| pulses.len() == step.ticks.len() && pulses.len() > 80);
     hold(is_whole, || format!("ticks {:?}", step.ticks))?;
     let omega_f = (14.1275 * 200.0 * std::f64::consts::PI).sqrt();

@@ -11,4 +11,4 @@ pub mod words;
 pub use answer::{Answer, Text};
 pub use figure::{Axis, Beside, Color, Figure, FigureKind, HeatCell, HeatMap, Mark, Panel, Scale, Series};
 pub use report::{Fact, Report, Section, Tone, Verdict};
-pub use table::{Cell, Column, Datum, Table, Typed, Unit, Weight, table_of, with_std};
+pub use table::{Cell, Column, Datum, Table, Typed, Unit, Weight, build_table, with_std};

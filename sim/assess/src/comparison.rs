@@ -102,7 +102,7 @@ impl Difference {
 }
 
 impl Quantity {
-    fn of(self, point: &Point) -> (f64, Option<f64>) {
+    fn read(self, point: &Point) -> (f64, Option<f64>) {
         match self {
             Self::TimeConstant => (point.time_constant_s, point.time_constant_s_std),
             Self::Gain => (point.gain, point.gain_std),
@@ -113,17 +113,17 @@ impl Quantity {
     /// The value between two points, and its standard error where both have one: points are taken to err independently.
     fn at(self, points: &[Point], nominal: f64) -> (f64, Option<f64>) {
         let index = points.partition_point(|point| point.nominal <= nominal).clamp(1, points.len().max(2) - 1);
-        let Some(high) = points.get(index) else { return self.of(&points[0]) };
+        let Some(high) = points.get(index) else { return self.read(&points[0]) };
         let low = &points[index - 1];
         let share = ((nominal - low.nominal) / (high.nominal - low.nominal)).clamp(0.0, 1.0);
         // What is not weighed need not be known.
         if share == 0.0 {
-            return self.of(low);
+            return self.read(low);
         }
         if share == 1.0 {
-            return self.of(high);
+            return self.read(high);
         }
-        let ((below, below_std), (above, above_std)) = (self.of(low), self.of(high));
+        let ((below, below_std), (above, above_std)) = (self.read(low), self.read(high));
         let std = below_std.zip(above_std).map(|(below, above)| f64::hypot((1.0 - share) * below, share * above));
         ((1.0 - share) * below + share * above, std)
     }

@@ -160,7 +160,7 @@ impl Excite {
                 signal.waveform(samples).iter().map(|value| self.nominal + line_amplitude * value).collect();
             let number = if signals.len() > 1 { format!("_{}", index + 1) } else { String::new() };
             let of = format!("the multisine{}", number.replace('_', " "));
-            Some(excitation(&of, &period, self.rate)?.of(&format!("excitation{number}")))
+            Some(excitation(&of, &period, self.rate)?.with_record(&format!("excitation{number}")))
         };
         let section = Section {
             figures: signals.iter().enumerate().filter_map(figure).collect(),

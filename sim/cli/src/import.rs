@@ -106,7 +106,7 @@ impl Import {
             }
         }
         if is_added {
-            experiment.with_rates_of(&self.out)?.append_to(&self.out)?;
+            experiment.with_rates_from(&self.out)?.append_to(&self.out)?;
         }
         Ok(is_added)
     }

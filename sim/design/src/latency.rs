@@ -84,7 +84,7 @@ impl Latency {
             settings.stop = HIGHEST_STOP;
             settings.motors.iter_mut().for_each(|motor| motor.max = Command::ONE.to_bits() - HIGHEST_STOP);
         }
-        Ok(Self::of(&settings.validate()?, loop_rate_hz))
+        Ok(Self::from_settings(&settings.validate()?, loop_rate_hz))
     }
 
     /// With the pulses of standard PWM at their usual rates.
@@ -95,10 +95,10 @@ impl Latency {
         let (input, output) = (protocol.at(input_hz), protocol.at(output_hz));
         let settings = Settings { input, output, ..Settings::default() };
         // They are valid: a test holds them to it.
-        Self::of(&settings.validate().unwrap_or_default(), loop_rate_hz)
+        Self::from_settings(&settings.validate().unwrap_or_default(), loop_rate_hz)
     }
 
-    fn of(settings: &Validated, loop_rate_hz: f64) -> Self {
+    fn from_settings(settings: &Validated, loop_rate_hz: f64) -> Self {
         let (input, output) = (settings.input, settings.output);
         let tick_s = 1.0 / loop_rate_hz;
         let (shortest_s, longest_s) = pulse_range_s(input);
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
     use PulseProtocol::{Dshot300, Dshot600, OneShot125, RawDuty, StandardPwm};
 
-    fn of(protocol: PulseProtocol, input_hz: u16, output_hz: u16) -> Latency {
+    fn latency(protocol: PulseProtocol, input_hz: u16, output_hz: u16) -> Latency {
         let pulse = |frame_hz| Pulse { protocol, frame_hz };
         Latency::new(pulse(input_hz), pulse(output_hz), 5000.0).unwrap()
     }
@@ -192,7 +192,7 @@ mod tests {
         for (protocol, hz, mean_ms, worst_ms, degrees) in
             [(StandardPwm, 400, 2.85, 4.7, 15.4), (RawDuty, 600, 1.77, 3.5, 9.5), (OneShot125, 3703, 0.42, 0.72, 2.3)]
         {
-            let latency = of(protocol, hz, hz);
+            let latency = latency(protocol, hz, hz);
             assert_eq!(latency.frame_start, FrameStart::FreeRunning);
             let Delay { mean_s, worst_s } = latency.total();
             assert!((1e3 * mean_s - mean_ms).abs() <= 0.005, "{protocol:?}: {mean_s}");
@@ -201,7 +201,7 @@ mod tests {
             assert!(((94.0 * mean_s).to_degrees() - degrees).abs() <= 0.05, "{protocol:?}: {mean_s}");
         }
         // Exactly: half of 1000 to 2000 us, the filter, half a tick, half a frame.
-        let pwm = of(StandardPwm, 400, 400).total();
+        let pwm = latency(StandardPwm, 400, 400).total();
         assert!((pwm.mean_s - (1500.0 + 2.2 + 100.0 + 1250.0) * 1e-6).abs() < 1e-15);
         assert!((pwm.worst_s - (2000.0 + 2.2 + 200.0 + 2500.0) * 1e-6).abs() < 1e-15);
     }
@@ -216,14 +216,14 @@ mod tests {
             // Read after 12 and 13 ticks of 200 us by turns: every other one is 2400 us after the one before.
             (StandardPwm, 400, 410, 0.5 * (1e6 / 410.0 - 2400.0)),
         ] {
-            let latency = of(protocol, input_hz, output_hz);
+            let latency = latency(protocol, input_hz, output_hz);
             assert_eq!(latency.frame_start, FrameStart::FollowsInput);
             let found_us = 1e6 * latency.output_frame.mean_s;
             assert!((found_us - wait_us).abs() < 1e-2, "{latency:?}");
             let worst_s = latency.input_pulse.worst_s + INPUT_FILTER_S + 200e-6;
             assert!((latency.total().worst_s - worst_s).abs() < 1e-15, "{latency:?}");
         }
-        assert_eq!(Latency::standard(5000.0), of(StandardPwm, 400, 450));
+        assert_eq!(Latency::standard(5000.0), latency(StandardPwm, 400, 450));
     }
 
     #[test]
@@ -235,15 +235,15 @@ mod tests {
             (200, 399, FrameStart::FollowsInput),
             (200, 400, FrameStart::FreeRunning),
         ] {
-            assert_eq!(of(StandardPwm, input_hz, output_hz).frame_start, start, "{input_hz} -> {output_hz}");
+            assert_eq!(latency(StandardPwm, input_hz, output_hz).frame_start, start, "{input_hz} -> {output_hz}");
         }
-        assert_eq!(of(RawDuty, 400, 450).frame_start, FrameStart::FreeRunning);
+        assert_eq!(latency(RawDuty, 400, 450).frame_start, FrameStart::FreeRunning);
     }
 
     #[test]
     fn frames_wait_for_a_tick_and_those_for_pulses_for_theirs() {
         // A frame of 27 us, a gap of a bit, half a tick.
-        let relayed = of(Dshot600, 4000, 4000);
+        let relayed = latency(Dshot600, 4000, 4000);
         assert_eq!(relayed.frame_start, FrameStart::FollowsInput);
         assert!((relayed.total().mean_s - (27.0 + 1e6 / 600e3 + 100.0) * 1e-6).abs() < 1e-12, "{relayed:?}");
         let pulse = |protocol, frame_hz| Pulse { protocol, frame_hz };
@@ -265,6 +265,6 @@ mod tests {
                 assert_eq!(Latency::new(input, output, 5000.0).unwrap_err().place.key, key, "{bad:?}");
             }
         }
-        of(RawDuty, FASTEST_RAW_DUTY_HZ, FASTEST_RAW_DUTY_HZ);
+        latency(RawDuty, FASTEST_RAW_DUTY_HZ, FASTEST_RAW_DUTY_HZ);
     }
 }

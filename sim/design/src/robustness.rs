@@ -145,7 +145,7 @@ mod tests {
     use super::super::{DesignOptions, InverseOptions, design, design_inverse};
     use super::*;
 
-    fn of(design: &CompensatorDesign, name: &str) -> Robustness {
+    fn robustness_to(design: &CompensatorDesign, name: &str) -> Robustness {
         let deviation = DEVIATIONS.iter().find(|deviation| deviation.name == name).unwrap();
         // Two points are as good as six, and a third of the time.
         let mut model = table_1();
@@ -156,8 +156,11 @@ mod tests {
     #[test]
     fn a_table_that_is_too_long_overshoots_and_one_that_is_too_short_is_slow() {
         let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
-        let (as_it_is, short, long) =
-            (of(&inverse, "as the model"), of(&inverse, "tau -20 %"), of(&inverse, "tau +20 %"));
+        let (as_it_is, short, long) = (
+            robustness_to(&inverse, "as the model"),
+            robustness_to(&inverse, "tau -20 %"),
+            robustness_to(&inverse, "tau +20 %"),
+        );
         assert!(rad_s(as_it_is.lowest) > 90.0 && as_it_is.peak_db < 0.3 && as_it_is.overshoot < 0.06, "{as_it_is:?}");
         // About 4 % and 0.9 % for each percent.
         assert!((0.18..0.32).contains(&short.overshoot) && short.peak_db > 1.0, "{short:?}");
@@ -167,11 +170,11 @@ mod tests {
     #[test]
     fn a_delay_changes_no_magnitude_and_costs_phase() {
         let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
-        let (as_it_is, late) = (of(&inverse, "as the model"), of(&inverse, "delay 10 ms"));
+        let (as_it_is, late) = (robustness_to(&inverse, "as the model"), robustness_to(&inverse, "delay 10 ms"));
         assert!((rad_s(late.lowest) / rad_s(as_it_is.lowest) - 1.0).abs() < 0.01, "{late:?}");
         assert!(rad_s(late.lowest_phase_crossing) < 0.7 * rad_s(as_it_is.lowest_phase_crossing), "{late:?}");
         let lead = design(&table_1(), &DesignOptions::default()).unwrap().into();
-        let lead = of(&lead, "as the model");
+        let lead = robustness_to(&lead, "as the model");
         assert!(rad_s(lead.lowest) < 9.0 && rad_s(lead.highest) > 90.0, "{lead:?}");
     }
 }

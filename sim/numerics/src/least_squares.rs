@@ -77,7 +77,7 @@ pub enum Decrease {
 }
 
 impl Decrease {
-    fn of(self, sum: f64) -> f64 {
+    fn in_units(self, sum: f64) -> f64 {
         match self {
             Self::Relative(share) => share * sum,
             Self::Absolute(decrease) => decrease,
@@ -129,7 +129,7 @@ pub fn search<N: NormalEquations>(
     while !converged && iterations < strategy.iterations {
         iterations += 1;
         let matrix = model.matrix(&linearization);
-        let least = strategy.decrease.of(sum);
+        let least = strategy.decrease.in_units(sum);
         let is_blocked = |parameter: usize, step: f64| model.is_blocked(&at, parameter, step);
         let Some(step) = damping.free_step(matrix, &gradient, is_blocked) else {
             if damping.raise() {

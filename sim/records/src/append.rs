@@ -59,7 +59,7 @@ impl Experiment {
     ///
     /// # Errors
     /// When `folder` holds no experiment that can be read.
-    pub fn with_rates_of(self, folder: &Path) -> Result<Self, FileError> {
+    pub fn with_rates_from(self, folder: &Path) -> Result<Self, FileError> {
         let (there, _): (Manifest, _) = TomlFile::read(&folder.join(MANIFEST))?;
         let Manifest { sample_rate_hz, esc_frame_hz, command_rate_hz, .. } = there;
         Ok(Self { sample_rate_hz, esc_frame_hz, command_rate_hz, ..self })

@@ -2,7 +2,7 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
-    Answer, Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Series, Table, Tone, Typed, Unit, Verdict, table_of,
+    Answer, Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Series, Table, Tone, Typed, Unit, Verdict, build_table,
 };
 use rotorlead_assess::{Compared, Difference, Quantity};
 use rotorlead_plant::{Model, TimeConstantBand};
@@ -115,7 +115,7 @@ fn table(compared: &Compared, output: Option<Output>) -> Table {
     ];
     let caption =
         format!("The {name} of both, and its change from A to B with intervals that hold together with 95 %",);
-    Table { key: Some(key), ..table_of(key, caption, &columns, &compared.points) }
+    Table { key: Some(key), ..build_table(key, caption, &columns, &compared.points) }
 }
 
 /// Time constants of both over the command, with what is known of their errors.

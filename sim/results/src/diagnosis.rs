@@ -1,7 +1,7 @@
 //! What a diagnosis found.
 
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
+use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, build_table};
 use rotorlead_assess::{AssessmentContext, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
@@ -207,7 +207,7 @@ fn gap_table(found: &Diagnosis) -> Table {
         }
     };
     let caption = format!("Gap: RMS of the residual over that of the response; before, by {before}");
-    Table { notes: vec![note.to_owned()], ..table_of("gaps", caption, &columns, &rows) }
+    Table { notes: vec![note.to_owned()], ..build_table("gaps", caption, &columns, &rows) }
 }
 
 /// Where the excess chi-square of the first model lies: along each axis its three largest parts.
@@ -233,7 +233,7 @@ fn excess_table(found: &Diagnosis) -> Table {
         Typed::words("parts", "largest parts", |(_, parts): &(Axis, String)| parts.clone()),
     ];
     let caption = "Where the excess chi-square of the first model lies, in percent";
-    table_of("excess", caption, &columns, &rows.collect::<Vec<_>>())
+    build_table("excess", caption, &columns, &rows.collect::<Vec<_>>())
 }
 
 /// Where a part of the excess lies, and how large it is in percent.
@@ -317,7 +317,7 @@ fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Paramet
             parameter_with_std(parameter, estimate).replace("+-", "±")
         }),
     ];
-    table_of(&format!("parameters_{}", kind.id), caption, &columns, parameters)
+    build_table(&format!("parameters_{}", kind.id), caption, &columns, parameters)
 }
 
 /// The lags with the effects beside them: others than those that a lag alone takes on to imitate them.
@@ -357,7 +357,7 @@ fn effects(effects: &[NamedEffect]) -> Table {
             if effect.alternatives.is_empty() { "-".to_owned() } else { named(&effect.alternatives) }
         }),
     ];
-    table_of("effects", "Effects that the model lacks", &columns, effects)
+    build_table("effects", "Effects that the model lacks", &columns, effects)
 }
 
 fn named(kinds: &[&Kind]) -> String {
@@ -375,7 +375,7 @@ fn decisions(decisions: &[Decision]) -> Table {
         Typed::words("outcome", "outcome", Decision::outcome),
     ];
     let caption = format!("Kinds tried in turn on steps: log likelihood gained, and what became of each; {SCORE}");
-    table_of("decisions", caption, &columns, decisions)
+    build_table("decisions", caption, &columns, decisions)
 }
 
 fn tried(tried: &[TriedKind]) -> Table {
@@ -388,7 +388,7 @@ fn tried(tried: &[TriedKind]) -> Table {
         finite("fitted_gain", "on what was fitted", |tried| Some(tried.fitted_gain)),
         finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),
     ];
-    table_of("tried", format!("Kinds tried alone: log likelihood gained; {SCORE}"), &columns, tried)
+    build_table("tried", format!("Kinds tried alone: log likelihood gained; {SCORE}"), &columns, tried)
 }
 
 #[cfg(test)]

@@ -122,5 +122,5 @@ fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
     ];
     let caption =
         if each > 1 { format!("Of every {each} rows the lowest and the highest are drawn.") } else { String::new() };
-    Some(Figure::new(FigureKind::Record, record.file.clone(), &caption, panels).of(&record.file))
+    Some(Figure::new(FigureKind::Record, record.file.clone(), &caption, panels).with_record(&record.file))
 }

@@ -1,6 +1,6 @@
 //! Many logs side by side.
 
-use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, table_of};
+use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, build_table};
 use rotorlead_assess::fleet::{Comparison, LogFileDeviation, MotorDeviation, relative_change};
 use rotorlead_records::Output;
 use serde_json::{Value, json};
@@ -185,7 +185,7 @@ fn usual_table(levels: &[UsualLevel], output: Option<Output>) -> Table {
         Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &UsualLevel| 1e3 * level.time_constant_s),
         Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &UsualLevel| level.gain),
     ];
-    table_of("fleet_usual", "What is usual: medians of all logs", &columns, levels)
+    build_table("fleet_usual", "What is usual: medians of all logs", &columns, levels)
 }
 
 /// Each motor against the others, and over time.
@@ -219,7 +219,7 @@ fn motors_table(motors: &[Motor]) -> Table {
     columns.extend(of_quantity(0, "tau", time_constant));
     columns.extend(of_quantity(1, "gain", gain));
     columns.push(Typed::words("note", "", Motor::note));
-    table_of("fleet_motors", "Motors: how far from the usual, and how they change", &columns, motors)
+    build_table("fleet_motors", "Motors: how far from the usual, and how they change", &columns, motors)
 }
 
 /// Each log against the others of its motor.
@@ -243,7 +243,7 @@ fn logs_table(name: &str, which: &str, logs: &[RankedLog]) -> Table {
         Typed::words("note", "", RankedLog::note),
     ];
     let caption = format!("{which}: how far from the usual, with the score against the motor's other logs");
-    table_of(name, caption, &columns, logs)
+    build_table(name, caption, &columns, logs)
 }
 
 fn percent(logarithm: f64) -> f64 {

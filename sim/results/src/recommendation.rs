@@ -2,7 +2,8 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
-    Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Typed, Unit, Verdict, table_of,
+    Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Typed, Unit, Verdict,
+    build_table,
 };
 use rotorlead_plant::{Judgement, Readiness};
 use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
@@ -52,7 +53,7 @@ pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
         return vec![format!("to fly: nothing, as {}", force.why)];
     }
     let of = |purpose: Purpose| {
-        let choice = recommendation.of(purpose);
+        let choice = recommendation.choice(purpose);
         format!("to fly for {}: {}, as {}", purpose.words(), choice.actuator.name(), choice.why)
     };
     [Purpose::Force, Purpose::RateLoop].map(of).into()
@@ -62,7 +63,7 @@ pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
 #[must_use]
 pub fn to_fly_in_short(recommendation: &Recommendation) -> String {
     let of = |purpose: Purpose| {
-        let actuator = match recommendation.of(purpose).actuator {
+        let actuator = match recommendation.choice(purpose).actuator {
             ActuatorKind::None => "nothing".to_owned(),
             actuator => actuator.name(),
         };
@@ -81,7 +82,7 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
     };
     let recommended_for = |one: &Candidate| {
         let purposes = [(Purpose::Force, "force"), (Purpose::RateLoop, "rate loop")].into_iter();
-        let chosen = purposes.filter(|(purpose, _)| found.of(*purpose).actuator == one.actuator);
+        let chosen = purposes.filter(|(purpose, _)| found.choice(*purpose).actuator == one.actuator);
         chosen.map(|(_, name)| name).collect::<Vec<_>>().join(", ")
     };
     const NONE: Unit = Unit::plain("");
@@ -106,7 +107,7 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
     Table {
         notes: to_fly(found).into_iter().chain(refused).map(|words| sentence(&words)).collect(),
         key: Some("candidates"),
-        ..table_of("recommendation", caption, &columns, &found.candidates)
+        ..build_table("recommendation", caption, &columns, &found.candidates)
     }
 }
 

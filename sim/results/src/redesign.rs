@@ -1,7 +1,7 @@
 //! A compensator that was designed again, for the model with what was missing in it.
 
 use miette::Diagnostic as _;
-use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, table_of};
+use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, build_table};
 use rotorlead_design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
 use rotorlead_diagnose::{Diagnosis, Verdict};
 use serde_json::json;
@@ -182,5 +182,5 @@ fn limits<'a>(points: &'a [RedesignPoint]) -> Option<Table> {
     let of_point = |point: &'a RedesignPoint| point.limits.iter().map(|limit| (point.small.nominal, limit));
     let rows: Vec<Row> = points.iter().flat_map(of_point).collect();
     let caption = "Limits of the actuator, and what the lead asks of them below its bandwidth";
-    (!rows.is_empty()).then(|| table_of("limits", caption, &columns, &rows))
+    (!rows.is_empty()).then(|| build_table("limits", caption, &columns, &rows))
 }

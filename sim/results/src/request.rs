@@ -169,14 +169,14 @@ impl DesignRequest {
         let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
         let found = || recommend(model, model.judgement().and_then(Judgement::doubt), &asked);
         let recommendation = known.map_or_else(found, Ok)?;
-        let choice = recommendation.of(purpose);
+        let choice = recommendation.choice(purpose);
         let chosen = match choice.actuator {
             ActuatorKind::Lead => self.choose(Kind::Lead, model),
             ActuatorKind::Inverse { omega_f_rad_s } => {
                 Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.choose(Kind::Inverse, model)
             }
             ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
-                let other = match recommendation.of(purpose.other()) {
+                let other = match recommendation.choice(purpose.other()) {
                     Choice { actuator: ActuatorKind::None, .. } => "leave the motor as it is".to_owned(),
                     other => format!("for {}, {} is", purpose.other().words(), other.actuator.name()),
                 };

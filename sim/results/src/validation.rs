@@ -137,11 +137,11 @@ fn comparison_figure(record: &RecordValidation, output: Output) -> Figure {
     let title = format!("{}: fit {:.2} %{ceiling}", record.file, record.fit_percent);
     match &record.comparison {
         Comparison::Frequency(lines) => {
-            let figure = etfe::compared(title, lines, output).of(&record.file);
+            let figure = etfe::compared(title, lines, output).with_record(&record.file);
             Figure { numbers: Some(lines_csv(lines)), ..figure }
         }
         Comparison::Time(rows) => {
-            let figure = time_response::compared(title, rows, output).of(&record.file);
+            let figure = time_response::compared(title, rows, output).with_record(&record.file);
             Figure { numbers: Some(rows_csv(rows)), ..figure }
         }
     }

@@ -1,6 +1,6 @@
 //! Actuators compared in a vehicle.
 
-use rotorlead_answer::{Answer, Datum, Table, Tone, Typed, Unit, Verdict, table_of};
+use rotorlead_answer::{Answer, Datum, Table, Tone, Typed, Unit, Verdict, build_table};
 use rotorlead_plant::Model;
 use rotorlead_vehicle::{
     ActuatorKind, Airframe, AtLatency, Benefit, ForceRow, Performance, Ratios, Row, Study, TuningRule, findings,
@@ -122,7 +122,7 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
         milliseconds(at),
         airframe.roll.disturbance_n_m
     );
-    table_of(&format!("vehicle_{name}_latency_{}", index + 1), caption, &columns, rows)
+    build_table(&format!("vehicle_{name}_latency_{}", index + 1), caption, &columns, rows)
 }
 
 /// One row per actuator at the latency `index`: without a D term, and with the gains of the first latency.
@@ -150,7 +150,7 @@ fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
         columns.push(Typed::new("kept_gains_max_sensitivity", heading, Unit::NONE, 2, sensitivity));
         caption += &format!(", and the largest sensitivity with the gains for {}", milliseconds(first));
     }
-    table_of(&format!("vehicle_without_d_latency_{}", index + 1), caption, &columns, &at.without_d)
+    build_table(&format!("vehicle_without_d_latency_{}", index + 1), caption, &columns, &at.without_d)
 }
 
 /// The gain sets at the latency `index`, with what they keep.
@@ -176,7 +176,7 @@ fn gains_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     ];
     let name = format!("vehicle_gains_latency_{}", index + 1);
     let caption = format!("Gain sets at a latency of {}, and the margins that they keep", milliseconds(at));
-    let table = table_of(&name, caption, &columns, &sets.collect::<Vec<_>>());
+    let table = build_table(&name, caption, &columns, &sets.collect::<Vec<_>>());
     // The rule is one for all latencies.
     Table { notes: (index == 0).then(|| rule_said(&study.rule, airframe)).into_iter().collect(), ..table }
 }
@@ -204,7 +204,7 @@ fn force_table(study: &Study, airframe: &Airframe) -> Option<Table> {
          {} Hz",
         lateral.tilt_deg, airframe.hover.command, lateral.step_n, lateral.sine_n, lateral.sine_hz
     );
-    Some(table_of("vehicle_lateral_force", caption, &columns, &study.lateral))
+    Some(build_table("vehicle_lateral_force", caption, &columns, &study.lateral))
 }
 
 fn milliseconds(at: &AtLatency) -> String {

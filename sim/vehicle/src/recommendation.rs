@@ -131,7 +131,7 @@ pub struct Candidate {
 impl Recommendation {
     /// The choice for a purpose.
     #[must_use]
-    pub fn of(&self, purpose: Purpose) -> &Choice {
+    pub fn choice(&self, purpose: Purpose) -> &Choice {
         match purpose {
             Purpose::Force => &self.force,
             Purpose::RateLoop => &self.rate_loop,

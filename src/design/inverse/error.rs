@@ -83,7 +83,7 @@ pub enum InverseError {
 
 impl InverseError {
     /// The table's own error, in terms of the rotor.
-    pub(super) fn of_table(error: TableError, poles_rad_s: &[f64; TABLE_POINTS]) -> Self {
+    pub(super) fn from_table_error(error: TableError, poles_rad_s: &[f64; TABLE_POINTS]) -> Self {
         let tau_s = |index: usize| poles_rad_s.get(index).map_or(0.0, |pole| 1.0 / pole);
         let (TableError::GainTooLow { index } | TableError::GainTooHigh { index } | TableError::StepTooLarge { index }) =
             error;

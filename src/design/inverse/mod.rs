@@ -38,20 +38,20 @@ impl InverseDesign {
     /// # Errors
     /// See [`InverseError`]. Nothing saturates in silence.
     pub fn new(reference: ReferenceModel, loop_rate_hz: f64, points: &[CurvePoint]) -> Result<Self, InverseError> {
-        Self::of_curve(reference, loop_rate_hz, &RotorCurve::through(points)?)
+        Self::from_curve(reference, loop_rate_hz, &RotorCurve::through(points)?)
     }
 
     /// The same for a curve as a controller stores it. The equations are those of [`crate::inverse`].
     ///
     /// # Errors
     /// See [`InverseError`].
-    pub fn of_curve(reference: ReferenceModel, loop_rate_hz: f64, curve: &RotorCurve) -> Result<Self, InverseError> {
+    pub fn from_curve(reference: ReferenceModel, loop_rate_hz: f64, curve: &RotorCurve) -> Result<Self, InverseError> {
         within("loop_rate_hz", loop_rate_hz, LOOP_RATE_RANGE_HZ)?;
         let Discrete { a, b } = reference.discrete(loop_rate_hz)?;
         let poles_rad_s = curve.poles_rad_s()?;
         let gains = poles_rad_s.map(|pole| rint(a / -expm1(-pole / loop_rate_hz) * FORMAT_G) as i64);
         let coefficients = Coefficients::new(rint(a * FORMAT_A) as i32, rint(b * FORMAT_A) as i32, gains)
-            .map_err(|error| InverseError::of_table(error, &poles_rad_s))?;
+            .map_err(|error| InverseError::from_table_error(error, &poles_rad_s))?;
         let rounding_error = rounding::checked_error(&coefficients)?;
         Ok(Self { reference, loop_rate_hz, coefficients, rounding_error })
     }

@@ -150,7 +150,7 @@ pub const BIAS: f64 = 0.1;
 
 impl Pooled {
     /// Of independent cases.
-    pub fn of(tallies: &[Tally]) -> Self {
+    pub fn from_tallies(tallies: &[Tally]) -> Self {
         let parameters: f64 = tallies.iter().map(|t| t.truth.len() as f64).sum();
         let mean = |sums: fn(&Tally) -> [f64; 2], scale: f64| {
             let (mut value, mut variance) = (0.0, 0.0);
@@ -182,7 +182,7 @@ impl Pooled {
     pub fn check(tallies: &[Tally]) {
         const REACH: f64 = 3.5;
         const REACH_OF_ONE: f64 = 5.0;
-        let pooled = Self::of(tallies);
+        let pooled = Self::from_tallies(tallies);
         println!("{pooled:?}");
         let Self { coverage, spread_square, bias_square } = pooled;
         assert!(coverage.value > COVERAGE.0 - REACH * coverage.std, "{pooled:?}");
@@ -211,7 +211,7 @@ impl Pooled {
         let (spread, bias) = (largest(|s| s.spread_over_bound), largest(|s| s.bias_over_std.abs()));
         let failed: u64 = tallies.iter().map(|tally| tally.failed).sum();
         println!("coverage {least:.2} to {most:.2} %, spread/bound {spread:.4}, bias/std {bias:.3}, failed {failed}");
-        println!("{:?}", Self::of(tallies));
+        println!("{:?}", Self::from_tallies(tallies));
         // Of few repeats chance takes its share.
         let fewest = tallies.iter().map(|tally| tally.count).fold(f64::INFINITY, f64::min);
         let chance = if fewest < 15_000.0 { 3.5 / fewest.sqrt() } else { 0.0 };

@@ -340,7 +340,7 @@ impl Figure {
 
     /// The one of several of its kind that is of this record: its file's name, of which an end `.csv` is left out.
     #[must_use]
-    pub fn of(self, file: &str) -> Self {
+    pub fn with_record(self, file: &str) -> Self {
         let stem = file.strip_suffix(".csv").unwrap_or(file);
         Self { name: format!("{}_{stem}", self.name), ..self }
     }

@@ -3,7 +3,7 @@
 mod text;
 mod typed;
 
-pub use typed::{Datum, Typed, Unit, table_of, with_std};
+pub use typed::{Datum, Typed, Unit, build_table, with_std};
 
 use serde_json::json;
 

@@ -122,7 +122,7 @@ impl<'a, R> Typed<'a, R> {
 
 /// The table of these rows.
 #[must_use]
-pub fn table_of<R>(name: &str, caption: impl Into<String>, columns: &[Typed<'_, R>], rows: &[R]) -> Table {
+pub fn build_table<R>(name: &str, caption: impl Into<String>, columns: &[Typed<'_, R>], rows: &[R]) -> Table {
     let head = |column: &Typed<'_, R>| Column {
         name: column.key,
         heading: column.heading.clone(),
@@ -175,7 +175,7 @@ mod tests {
         ];
         let rows =
             [Lag { tau_s: 0.0831, std_s: Some(0.0012), file: "a.csv" }, Lag { tau_s: 0.1, std_s: None, file: "b.csv" }];
-        let table = table_of("lags", "Lags", &columns, &rows);
+        let table = build_table("lags", "Lags", &columns, &rows);
         assert_eq!(table.text(), "Lags\n  record     tau (ms)\n  a.csv   83.1 +- 1.2\n  b.csv         100.0\n");
         assert_eq!(table.csv(), "file,tau_s,tau_s_std\na.csv,0.0831,0.0012\nb.csv,0.1,\n");
         let expected = serde_json::json!([

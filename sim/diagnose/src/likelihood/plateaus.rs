@@ -245,7 +245,7 @@ impl<'a> Plateaus<'a> {
 
     /// What a model leaves of a column beside the sum of its predictions that comes nearest, by the rows that are fitted where there
     /// are such.
-    fn residual_of(&self, channel: &Channel, filter: &Filter, trace: &Trace) -> Vec<f64> {
+    fn residual(&self, channel: &Channel, filter: &Filter, trace: &Trace) -> Vec<f64> {
         let columns = channel.column.predicted(trace, channel.measured.len());
         let white: Vec<Vec<f64>> = columns.iter().map(|column| filter.apply(column)).collect();
         let measured = filter.apply(&channel.measured);
@@ -277,7 +277,7 @@ impl RecordLikelihood for Plateaus<'_> {
         let known_by = self.weights.known_by();
         let of_channel = |(channel, filters): (&Channel, &Filters)| {
             let filter = filters.for_split(known_by);
-            let white = filter.apply(&self.residual_of(channel, filter, trace));
+            let white = filter.apply(&self.residual(channel, filter, trace));
             Beside { white: white.into_iter().map(Complex64::from).collect(), numbers: filter.numbers() }
         };
         Some(self.channels().map(of_channel).collect())
@@ -294,7 +294,7 @@ impl RecordLikelihood for Plateaus<'_> {
             let of_channel = |(channel, old): (&Channel, &Filters)| {
                 let unweighed = weights.filters(old.errors, false);
                 let filter = unweighed.for_split(known_by);
-                weights.filters(filter.errors(&self.residual_of(channel, filter, &trace)), false)
+                weights.filters(filter.errors(&self.residual(channel, filter, &trace)), false)
             };
             weights.channels = self.channels().map(of_channel).collect();
         }

@@ -41,7 +41,7 @@ struct Log {
 }
 
 impl Log {
-    fn of(model: &Model, seed: u64) -> Self {
+    fn simulated(model: &Model, seed: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (mut time_s, mut command) = (Vec::new(), Vec::new());
         let mut now_s = 0.0;
@@ -116,7 +116,7 @@ fn try_to_diagnose(experiment: &Experiment, model: Option<&Model>) -> Result<Dia
 }
 
 fn diagnosed(model: &Model, seed: u64, columns: &[Column]) -> Diagnosis {
-    try_to_diagnose(&experiment(vec![Log::of(model, seed).record(columns)]), None).unwrap()
+    try_to_diagnose(&experiment(vec![Log::simulated(model, seed).record(columns)]), None).unwrap()
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn named_in_trouble(effect: Option<(&str, &[(&str, f64)])>, seeds: std::ops::Ran
     for seed in seeds {
         for trouble in [Trouble::EachLevel, Trouble::FromAbove, Trouble::Middle] {
             let model = effect.map_or_else(|| motor(&[]), |effect| motor(&[effect]));
-            let record = Log::of(&model, 100 + seed).troubled(trouble).record(&[]);
+            let record = Log::simulated(&model, 100 + seed).troubled(trouble).record(&[]);
             let found = try_to_diagnose(&experiment(vec![record]), None).unwrap();
             let is_it = |named: &rotorlead_diagnose::NamedEffect, id: &str| {
                 named.kind.id == id || named.alternatives.iter().any(|other| other.id == id)
@@ -320,7 +320,7 @@ fn how_often_something_is_named_where_levels_are_off() {
 
 #[test]
 fn a_given_model_with_wrong_numbers_has_wrong_numbers() {
-    let experiment = experiment(vec![Log::of(&motor(&[]), 8).record(&[])]);
+    let experiment = experiment(vec![Log::simulated(&motor(&[]), 8).record(&[])]);
     let mut stale = motor(&[]);
     stale.points[0].time_constant_s *= 1.3;
     // The map is the model's, and so is the gain.
@@ -336,7 +336,7 @@ fn a_given_model_with_wrong_numbers_has_wrong_numbers() {
 
 #[test]
 fn what_cannot_be_compared_is_refused_by_name() {
-    let record = || Log::of(&motor(&[]), 1).record(&[]);
+    let record = || Log::simulated(&motor(&[]), 1).record(&[]);
     let mut constant = record();
     constant.command.fill(0.4);
     let refused = try_to_diagnose(&experiment(vec![constant]), None);
@@ -354,7 +354,7 @@ fn what_cannot_be_compared_is_refused_by_name() {
 
 impl Log {
     /// A log of the speed, whose map is the model's, with rows after the logger stood still for 90 ms during every other step.
-    fn of_speed(self, stalls: bool) -> Experiment {
+    fn into_speed(self, stalls: bool) -> Experiment {
         let scale = 1000.0;
         let mut record = self.record(&[]);
         record.rpm = record.thrust_n.take().map(|thrust| thrust.iter().map(|thrust| scale * thrust).collect());
@@ -385,18 +385,18 @@ const DELAYED: (&str, &[(&str, f64)]) = ("transport_delay", &[("delay_s", 0.03)]
 #[test]
 fn the_map_of_a_speed_is_measured_and_no_effect_and_its_delay_is_named() {
     let map = ("quadratic_thrust", &[("curvature_per_duty", -0.7)][..]);
-    let found = try_to_diagnose(&Log::of(&motor(&[map, DELAYED]), 21).of_speed(false), None).unwrap();
+    let found = try_to_diagnose(&Log::simulated(&motor(&[map, DELAYED]), 21).into_speed(false), None).unwrap();
     let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
     assert_eq!((found.verdict, &kinds[..]), (Verdict::Named, &["transport_delay"][..]), "{:?}", found.decisions);
     assert!((found.effects[0].parameters[0].1.value - 0.03).abs() < 0.002, "{:?}", found.effects);
     assert!((found.model.points[0].time_constant_s / 0.06 - 1.0).abs() < 0.05, "{:?}", found.model.points);
-    let alone = try_to_diagnose(&Log::of(&motor(&[map]), 22).of_speed(false), None).unwrap();
+    let alone = try_to_diagnose(&Log::simulated(&motor(&[map]), 22).into_speed(false), None).unwrap();
     assert_eq!(alone.verdict, Verdict::Agrees, "{:?} {:?}", alone.effects, alone.decisions);
 }
 
 #[test]
 fn steps_during_which_the_log_stands_still_do_not_make_the_delay_longer() {
-    let found = try_to_diagnose(&Log::of(&motor(&[DELAYED]), 23).of_speed(true), None).unwrap();
+    let found = try_to_diagnose(&Log::simulated(&motor(&[DELAYED]), 23).into_speed(true), None).unwrap();
     assert!(found.effects.len() == 1 && found.effects[0].kind.id == "transport_delay", "{:?}", found.decisions);
     assert!((found.effects[0].parameters[0].1.value - 0.03).abs() < 0.003, "{:?}", found.effects);
     assert_eq!((found.cut[0].stalled_steps, found.cut[0].steps), (6, 12));
@@ -407,7 +407,7 @@ fn steps_during_which_the_log_stands_still_do_not_make_the_delay_longer() {
 
 #[test]
 fn every_kind_that_was_tried_says_what_it_failed() {
-    let found = try_to_diagnose(&Log::of(&motor(&[DELAYED]), 24).of_speed(false), None).unwrap();
+    let found = try_to_diagnose(&Log::simulated(&motor(&[DELAYED]), 24).into_speed(false), None).unwrap();
     assert!(found.decisions.len() > 5, "{:?}", found.decisions);
     for decision in &found.decisions {
         assert_eq!(decision.is_added, decision.failed.is_empty(), "{decision:?}");
@@ -417,7 +417,7 @@ fn every_kind_that_was_tried_says_what_it_failed() {
 
 #[test]
 fn after_a_staircase_other_staircases_are_asked_for_and_no_column_that_is_there() {
-    let mut experiment = Log::of(&motor(&[DELAYED]), 25).of_speed(false);
+    let mut experiment = Log::simulated(&motor(&[DELAYED]), 25).into_speed(false);
     let rows = experiment.records[0].time_s.len();
     let found = try_to_diagnose(&experiment, None).unwrap();
     let next = found.next_experiment().unwrap();
@@ -436,7 +436,7 @@ fn after_a_staircase_other_staircases_are_asked_for_and_no_column_that_is_there(
 
 #[test]
 fn a_model_that_cannot_be_of_these_records_is_refused_with_what_to_check() {
-    let experiment = experiment(vec![Log::of(&motor(&[]), 26).record(&[])]);
+    let experiment = experiment(vec![Log::simulated(&motor(&[]), 26).record(&[])]);
     let mut absurd = motor(&[]);
     absurd.points[0].gain *= 1e26;
     absurd.static_map = None;

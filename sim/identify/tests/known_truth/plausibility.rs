@@ -25,7 +25,7 @@ fn model(lag: Lag) -> Model {
 const LAG: Lag = Lag { gain: 10.0, time_constant_s: 0.1, delay_s: 0.0 };
 
 /// Four periods of 10 s of 150 odd lines at 200 rows per second around 0.5.
-fn experiment_of(lag: Lag, sigma_n: f64, seed: u64) -> Experiment {
+fn simulated_experiment(lag: Lag, sigma_n: f64, seed: u64) -> Experiment {
     experiment_at(200, lag, sigma_n, seed)
 }
 
@@ -45,7 +45,7 @@ fn experiment_at(sample_rate_hz: u32, lag: Lag, sigma_n: f64, seed: u64) -> Expe
 }
 
 fn good(seed: u64) -> Experiment {
-    experiment_of(LAG, 0.02, seed)
+    simulated_experiment(LAG, 0.02, seed)
 }
 
 fn thrust(experiment: &mut Experiment) -> &mut Vec<f64> {
@@ -181,7 +181,7 @@ fn a_sign_and_a_nominal_that_are_wrong_are_named() {
 
 #[test]
 fn a_time_constant_that_is_hardly_known_is_named() {
-    let experiment = experiment_of(LAG, 3.0, 1);
+    let experiment = simulated_experiment(LAG, 3.0, 1);
     let warning = warned(&experiment, |w| matches!(w, IdentifyWarning::Uncertain { what: "time constant", .. }));
     assert!(warning.contains("raise the amplitude"), "{warning}");
 }
@@ -189,7 +189,7 @@ fn a_time_constant_that_is_hardly_known_is_named() {
 #[test]
 fn a_dead_time_beyond_the_search_is_named() {
     for delay_s in [0.25, 0.5] {
-        let experiment = experiment_of(Lag { delay_s, ..LAG }, 0.02, 1);
+        let experiment = simulated_experiment(Lag { delay_s, ..LAG }, 0.02, 1);
         let warning = warned(&experiment, |w| matches!(w, IdentifyWarning::DelayBeyondSearch { .. }));
         let (fit, _) = found(&experiment);
         assert!((fit.gain.value - 10.0).abs() < 4.0 * fit.gain.std && fit.gain.std < 0.2, "{fit:?}");

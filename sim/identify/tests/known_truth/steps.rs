@@ -40,10 +40,10 @@ const BENCH: Bench = Bench { noise_std: 25.0, color: 0.0, late_s: 0.0, interval_
 
 /// Simulates in exact steps from event to event; it shares no code with the fit.
 fn staircase(motor: &Motor, bench: &Bench, seed: u64) -> Record {
-    staircase_of(&PLATEAUS, motor, bench, seed)
+    staircase_through(&PLATEAUS, motor, bench, seed)
 }
 
-fn staircase_of(plateaus: &[f64], motor: &Motor, bench: &Bench, seed: u64) -> Record {
+fn staircase_through(plateaus: &[f64], motor: &Motor, bench: &Bench, seed: u64) -> Record {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, bench.noise_std).unwrap();
     let mut time_s = vec![0.0];

@@ -272,7 +272,7 @@ struct Count {
 }
 
 impl Count {
-    fn of(fault: Fault, seed: u64) -> Self {
+    fn run(fault: Fault, seed: u64) -> Self {
         let log = log(fault, seed);
         let mut count = Self::default();
         let good = log.steps.iter().filter(|step| step.3 < 0.1).count();
@@ -329,7 +329,7 @@ impl Count {
 fn with_any_fault_of_a_log_the_intervals_of_time_constants_hold_the_truth() {
     let mut failed = Vec::new();
     for fault in FAULTS {
-        let count = (0..SEEDS).into_par_iter().map(|seed| Count::of(fault, seed)).reduce(Count::default, Count::add);
+        let count = (0..SEEDS).into_par_iter().map(|seed| Count::run(fault, seed)).reduce(Count::default, Count::add);
         let share = |part: usize, all: usize| 100.0 * part as f64 / all as f64;
         let (steps, points) = (share(count.steps_held, count.steps), share(count.points_held, count.points));
         let known = share(count.known, count.informative);

@@ -47,7 +47,7 @@ impl InverseCompensator {
         range: &InverseRange,
     ) -> Result<Self, InverseError> {
         let curve = RotorCurve::through(&points)?;
-        let design = InverseDesign::of_curve(reference, loop_rate_hz, &curve)?;
+        let design = InverseDesign::from_curve(reference, loop_rate_hz, &curve)?;
         let InverseRange { min, max, slew_per_s, compensated } = *range;
         let [low, high, lowest, highest] = [min, max, compensated.0, compensated.1].map(Command::saturating_from_f64);
         let slew = slew_per_s.unwrap_or(0.0);

@@ -23,7 +23,7 @@ fn numbers() -> Vec<[f64; 4]> {
 }
 
 /// [`numbers`] behind `header`, with what `cell` makes of each by its row and column.
-fn table_of(header: &str, separator: &str, cell: impl Fn(usize, usize, f64) -> String) -> String {
+fn table_text(header: &str, separator: &str, cell: impl Fn(usize, usize, f64) -> String) -> String {
     let mut text = format!("{header}\n");
     for (row, numbers) in numbers().iter().enumerate() {
         let cells: Vec<String> = numbers.iter().enumerate().map(|(column, value)| cell(row, column, *value)).collect();
@@ -33,12 +33,12 @@ fn table_of(header: &str, separator: &str, cell: impl Fn(usize, usize, f64) -> S
 }
 
 fn table() -> String {
-    table_of(HEADER, ",", |_, _, value| value.to_string())
+    table_text(HEADER, ",", |_, _, value| value.to_string())
 }
 
 /// [`table`] with another text in the cells of `column` in `rows`.
 fn with(column: usize, rows: std::ops::Range<usize>, text: &str) -> String {
-    table_of(
+    table_text(
         HEADER,
         ",",
         |row, at, value| {
@@ -49,7 +49,7 @@ fn with(column: usize, rows: std::ops::Range<usize>, text: &str) -> String {
 
 /// [`table`] with the command put as `of` says.
 fn with_command(name: &str, of: impl Fn(f64) -> f64) -> String {
-    table_of(&format!("time_s,{name},thrust_g,rpm"), ",", |_, at, value| {
+    table_text(&format!("time_s,{name},thrust_g,rpm"), ",", |_, at, value| {
         if at == 1 { of(value).to_string() } else { value.to_string() }
     })
 }
@@ -202,13 +202,13 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
         ("time back", with(0, 9..10, "0.01").into(), "", &["line 11, column `time_s`: time runs backwards by 0.03 s"]),
         (
             "milliseconds called seconds",
-            table_of(HEADER, ",", |_, at, v| if at == 0 { (v * 1e4).to_string() } else { v.to_string() }).into(),
+            table_text(HEADER, ",", |_, at, v| if at == 0 { (v * 1e4).to_string() } else { v.to_string() }).into(),
             "",
             &["column `time_s`: rows 50 s apart", "--column time='time_s:ms'"],
         ),
         (
             "microseconds called milliseconds",
-            table_of(&HEADER.replace("time_s", "time_ms"), ",", |row, at, v| {
+            table_text(&HEADER.replace("time_s", "time_ms"), ",", |row, at, v| {
                 if at == 0 { (row * 1_000_000).to_string() } else { v.to_string() }
             })
             .into(),
@@ -229,7 +229,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
         ),
         (
             "thousands or decimals",
-            table_of(
+            table_text(
                 &HEADER.replace(',', ";"),
                 ";",
                 |_, at, v| if at == 3 { "1,200".into() } else { format!("{v:.0}") },
@@ -240,7 +240,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
         ),
         (
             "both marks",
-            table_of(
+            table_text(
                 &HEADER.replace(',', ";"),
                 ";",
                 |row, at, v| if at == 3 && row == 5 { "3,5".into() } else { v.to_string() },
@@ -321,7 +321,7 @@ fn what_is_odd_and_means_one_thing_is_taken() {
         ("UTF-16, big end first", utf16(&table(), u16::to_be_bytes)),
         (
             "quotes",
-            table_of(&HEADER.split(',').map(quoted).collect::<Vec<_>>().join(","), ",", |_, _, v| {
+            table_text(&HEADER.split(',').map(quoted).collect::<Vec<_>>().join(","), ",", |_, _, v| {
                 quoted(&v.to_string())
             })
             .into(),
@@ -333,18 +333,18 @@ fn what_is_odd_and_means_one_thing_is_taken() {
         ("blank lines", table().replace("\n1,", "\n\n,,,\n1,").into()),
         (
             "negative times",
-            table_of(HEADER, ",", |_, at, v| if at == 0 { (v - 8.0).to_string() } else { v.to_string() }).into(),
+            table_text(HEADER, ",", |_, at, v| if at == 0 { (v - 8.0).to_string() } else { v.to_string() }).into(),
         ),
         (
             "thousands in quotes",
-            table_of(HEADER, ",", |_, at, v| {
+            table_text(HEADER, ",", |_, at, v| {
                 if at == 3 && v > 999.0 { format!("\"{},{:03}.0\"", (v / 1e3) as u32, v % 1e3) } else { v.to_string() }
             })
             .into(),
         ),
         (
             "thousands between semicolons",
-            table_of(&HEADER.replace(',', ";"), ";", |_, at, v| {
+            table_text(&HEADER.replace(',', ";"), ";", |_, at, v| {
                 if at == 3 { format!("{},{:03}", (v / 1e3) as u32, v % 1e3) } else { v.to_string() }
             })
             .into(),

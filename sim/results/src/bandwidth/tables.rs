@@ -1,6 +1,6 @@
 //! The tables of bandwidths, and what programs read of them.
 
-use rotorlead_answer::{Cell, Datum, Table, Typed, Unit, table_of};
+use rotorlead_answer::{Cell, Datum, Table, Typed, Unit, build_table};
 use rotorlead_design::{BandwidthPoint, ChainPhase, Robustness, StepPoint};
 use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
@@ -89,7 +89,7 @@ pub(super) fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Tab
         Typed::new("factor", "factor", NONE, 2, factor).in_detail(),
     ];
     let caption = "Predicted bandwidth: the smallest frequency at which the response is 3 dB under its static value";
-    table_of("predicted_bandwidth", caption, &columns, &points.iter().zip(phases).collect::<Vec<_>>())
+    build_table("predicted_bandwidth", caption, &columns, &points.iter().zip(phases).collect::<Vec<_>>())
 }
 
 /// One row per record.
@@ -107,7 +107,7 @@ pub(super) fn measured(measured: &[MeasuredBandwidth]) -> Table {
     ];
     let caption = "Measured bandwidth, and its 95 % interval. Where a compensated response runs almost level near -3 dB, 0.1 dB moves its \
                    bandwidth by a tenth.";
-    table_of("measured_bandwidths", caption, &columns, measured)
+    build_table("measured_bandwidths", caption, &columns, measured)
 }
 
 /// Rise, overshoot and settling of each step.
@@ -130,7 +130,7 @@ pub(super) fn steps(steps: &[StepPoint]) -> Table {
         ms("compensated_settling_ms", "settling with", |row| row.compensated.settling_s),
     ];
     let caption = "Steps: rise from 10 to 90 %, overshoot, and settling to 5 %, without and with the compensator";
-    table_of("steps", caption, &columns, steps)
+    build_table("steps", caption, &columns, steps)
 }
 
 /// A compensator on an actuator that differs from its model.
@@ -160,5 +160,5 @@ pub(super) fn robustness(found: &[DeviatingActuator]) -> Table {
         Typed::new("overshoot_percent", "overshoot", PERCENT, 1, |row: &Row| 100.0 * row.found.overshoot),
     ];
     let caption = "Where the actuator differs from its model: over all points, by small sinusoids and by steps of 0.05";
-    table_of("robustness", caption, &columns, found)
+    build_table("robustness", caption, &columns, found)
 }

@@ -76,7 +76,7 @@ pub fn excitation_figure(record: &Record) -> Option<Figure> {
     let rate_hz = (record.time_s.len() - 1) as f64 / (last - first);
     let rows = (period_s * rate_hz).round() as usize;
     let period = record.command.get(..rows)?;
-    Some(excitation(&record.file, period, rate_hz)?.of(&record.file))
+    Some(excitation(&record.file, period, rate_hz)?.with_record(&record.file))
 }
 
 #[cfg(test)]

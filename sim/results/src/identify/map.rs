@@ -1,6 +1,6 @@
 //! The static map, where the records have plateaus or a ramp.
 
-use rotorlead_answer::{Table, Typed, Unit, Weight, table_of};
+use rotorlead_answer::{Table, Typed, Unit, Weight, build_table};
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_identify::static_map::{MapLimit, StaticMapFit};
 use rotorlead_records::Output;
@@ -36,7 +36,7 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
     Table {
         notes: notes(fit, output),
         weight: Weight::Detail,
-        ..table_of("static_map_terms", caption, &columns, &rows)
+        ..build_table("static_map_terms", caption, &columns, &rows)
     }
 }
 
@@ -88,6 +88,6 @@ fn linearization(fit: &StaticMapFit) -> Option<Table> {
         Typed::new("command", "command", Unit::DUTY, 4, |(_, command): &Row| *command),
     ];
     let rows = fit.linearization(LINEARIZED)?;
-    let table = table_of("linearization", "Commands that make the response linear", &columns, &rows);
+    let table = build_table("linearization", "Commands that make the response linear", &columns, &rows);
     Some(Table { weight: Weight::Detail, ..table })
 }

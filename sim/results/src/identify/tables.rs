@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_answer::{Datum, Table, Typed, Unit, Weight, table_of};
+use rotorlead_answer::{Datum, Table, Typed, Unit, Weight, build_table};
 use rotorlead_identify::frequency_response::ResponseLine;
 use rotorlead_identify::goodness_of_fit::power_over_noise;
 use rotorlead_identify::identification::{Identification, Lags};
@@ -71,7 +71,7 @@ pub fn points_table(points: &[Point], output: Output, fitted: Option<&PeriodicId
             found.nominals.get(*index).and_then(|one| power_over_noise(one.fit.reduced_chi_square))
         }));
     }
-    Table { key: Some("points"), ..table_of("points", "Lag at each nominal command", &columns, &points) }
+    Table { key: Some("points"), ..build_table("points", "Lag at each nominal command", &columns, &points) }
 }
 
 /// Which records each fit is of.
@@ -142,7 +142,7 @@ fn levels(fit: &StaircaseFit) -> Table {
         fit.record,
         fit.steps.len()
     );
-    table_of("levels", caption, &columns, &fit.levels)
+    build_table("levels", caption, &columns, &fit.levels)
 }
 
 /// Every step, with its lag or the reason why it has none.
@@ -165,5 +165,5 @@ pub(super) fn steps(fit: &StaircaseFit) -> Table {
         }),
     ];
     let caption = "Every step, with 95 % intervals that hold what single steps differ by";
-    Table { weight: Weight::Detail, ..table_of("each_step", caption, &columns, &fit.steps) }
+    Table { weight: Weight::Detail, ..build_table("each_step", caption, &columns, &fit.steps) }
 }

@@ -56,7 +56,7 @@ fn check(case: &Case, trace: &Trace) -> Result {
 fn longest_high(case: &Case, trace: &Trace, pin: u8) -> u64 {
     let mut rise = None;
     let mut longest = 0;
-    for edge in trace.edges_of(pin).filter(|edge| edge.cycle >= case.from()) {
+    for edge in trace.edges_on(pin).filter(|edge| edge.cycle >= case.from()) {
         if edge.is_high {
             rise = Some(edge.cycle);
         } else if let Some(rise) = rise.take() {
