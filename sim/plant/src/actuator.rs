@@ -361,7 +361,7 @@ impl Rotor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Catalog;
+    use crate::effect::Catalog;
     use crate::testing::{self, active, model};
 
     /// The response at every tick to a step from 0.5 to 0.6 at time 0.

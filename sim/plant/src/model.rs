@@ -7,7 +7,7 @@ use rotorlead_records::files::{checksum, to_toml};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::Judgement;
+use crate::judgement::Judgement;
 
 /// One actuator: a first-order lag at each nominal command, and what else is known of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

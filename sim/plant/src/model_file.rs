@@ -65,8 +65,9 @@ mod tests {
     use rotorlead_records::files::testing::{Scratch, assert_report};
 
     use super::*;
-    use crate::effect::Parameter;
-    use crate::{ActiveEffect, Actuator, Catalog, Effect, EscTiming, Law, Point, Provenance, StaticMap};
+    use crate::actuator::{Actuator, EscTiming, Law};
+    use crate::effect::{ActiveEffect, Catalog, Parameter};
+    use crate::model::{Effect, Point, Provenance, StaticMap};
 
     const MODEL: &str = r#"format = 1
 [[point]]

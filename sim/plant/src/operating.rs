@@ -175,7 +175,7 @@ fn integrated_gain(points: &[Point]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Effect;
+    use crate::model::Effect;
     use crate::testing::{model, table_1};
 
     #[test]

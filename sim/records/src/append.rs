@@ -143,8 +143,8 @@ mod tests {
     use std::{fs, thread};
 
     use super::*;
+    use crate::experiment::{Excitation, Output, Record};
     use crate::files::testing::{Scratch, assert_report};
-    use crate::{Excitation, Output, Record};
 
     fn experiment(file: &str, nominal: f64) -> Experiment {
         let record = Record {

@@ -4,7 +4,7 @@ use miette::Diagnostic;
 use rotorlead_records::files::Fault;
 use thiserror::Error;
 
-use crate::PlantError;
+use crate::error::PlantError;
 
 /// Why an experiment cannot be run.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]

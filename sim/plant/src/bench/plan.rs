@@ -7,7 +7,8 @@ use rotorlead_records::{Excitation, Output, Role};
 use serde::{Deserialize, Serialize};
 
 use super::signal::Signal;
-use crate::{Model, Noise};
+use crate::model::Model;
+use crate::noise::Noise;
 
 /// Peak deviation of the command in the paper's experiments.
 const PAPER_AMPLITUDE: f64 = 0.05;

@@ -12,7 +12,11 @@ use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::signal::Signal;
 use super::{BenchError, Plan, PlannedRecord};
-use crate::{Actuator, CompensatorDesign, EscTiming, Law, Model, Noise, PlantError, SensorNoise};
+use crate::actuator::{Actuator, EscTiming, Law};
+use crate::compensator::CompensatorDesign;
+use crate::error::PlantError;
+use crate::model::Model;
+use crate::noise::{Noise, SensorNoise};
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

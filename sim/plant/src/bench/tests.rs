@@ -157,7 +157,7 @@ fn a_square_wave_in_steady_state_follows_the_analytic_response_to_1e_7() {
 }
 
 fn quick_steady(command: f64) -> f64 {
-    crate::OperatingCurve::new(&table_1()).unwrap().steady_response(command)
+    crate::operating::OperatingCurve::new(&table_1()).unwrap().steady_response(command)
 }
 
 #[test]

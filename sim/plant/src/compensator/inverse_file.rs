@@ -325,7 +325,7 @@ g = {g:?}
             let inverse = InverseCompensator::new(reference, 5000.0, (0..count).map(point).collect(), &range).unwrap();
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
-            crate::CompensatorDesign::from(inverse.clone()).write(&path).unwrap();
+            crate::compensator::CompensatorDesign::from(inverse.clone()).write(&path).unwrap();
             prop_assert_eq!(InverseFile::parse(TextFile::read(&path).unwrap()).unwrap().0, inverse);
         }
     }

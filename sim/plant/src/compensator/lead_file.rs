@@ -208,7 +208,7 @@ g1 = {g1}
         let prewarped = LeadDesign::new(*design().lead(), 5000.0, Some(20.0)).unwrap();
         let scratch = Scratch::new();
         let path = scratch.path().join("compensator.toml");
-        crate::CompensatorDesign::from(prewarped).write(&path).unwrap();
+        crate::compensator::CompensatorDesign::from(prewarped).write(&path).unwrap();
         assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().0.prewarp_rad_s(), Some(20.0));
         let limited = read(&text().replacen("= 5000", "= 5000\nslew_per_s = 20", 1)).unwrap();
         assert_eq!(limited, design().with_slew(20.0).unwrap());
@@ -280,7 +280,7 @@ g1 = {g1}
             let design = design.with_slew(slew_per_s).unwrap();
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
-            crate::CompensatorDesign::from(design).write(&path).unwrap();
+            crate::compensator::CompensatorDesign::from(design).write(&path).unwrap();
             prop_assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().0, design);
         }
     }

@@ -21,7 +21,7 @@ use rotorlead::throttle::Command;
 use rotorlead_records::files::{FileError, Place, TextFile, TomlFile, write_file};
 use serde::{Deserialize, Serialize};
 
-use crate::Model;
+use crate::model::Model;
 use stored::CompensatorFile;
 
 /// A checked design, and the model that it is for.

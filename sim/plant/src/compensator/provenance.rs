@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
-use crate::Model;
+use crate::model::Model;
 
 /// The model that a compensator was designed for: the same request makes another filter of another motor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,7 +4,10 @@ use num_complex::Complex64;
 use rotorlead_records::files::Place;
 
 use super::{Catalog, Kind, Linearity, Parameter, Part, Use};
-use crate::{Effect, Model, OperatingCurve, OperatingPoint, PlantError, RotorBase};
+use crate::error::PlantError;
+use crate::model::{Effect, Model};
+use crate::operating::{OperatingCurve, OperatingPoint};
+use crate::rotor::RotorBase;
 
 /// An effect with its values.
 #[derive(Clone, Debug, PartialEq)]

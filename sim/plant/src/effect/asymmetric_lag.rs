@@ -1,7 +1,7 @@
 //! Speeding up and slowing down take different times.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{Motion, RotorEffect};
+use crate::rotor::{Motion, RotorEffect};
 
 /// Two time constants, one for each direction.
 pub static KIND: Kind = Kind {

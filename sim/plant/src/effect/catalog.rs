@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use rotorlead_records::files::{Fault, Place, did_you_mean, shown};
 
 use super::{ActiveEffect, Kind, STANDARD};
-use crate::{Effect, Model};
+use crate::model::{Effect, Model};
 
 /// Kinds of effects, in the order of the chain.
 #[derive(Clone, Debug, PartialEq)]

@@ -78,7 +78,9 @@ fn ignore_below(width: impl Fn(f64) -> f64 + Send + 'static) -> Part {
 mod tests {
     use super::*;
     use crate::testing::{active, after_command_stages, fundamental, model};
-    use crate::{OperatingCurve, RotorBase, Segment};
+    use crate::operating::OperatingCurve;
+    use crate::rotor::RotorBase;
+    use crate::stage::Segment;
 
     #[test]
     fn what_is_below_the_width_does_not_come_out_and_a_ramp_comes_as_stairs() {

@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::EscFrame;
+use crate::esc_frame::EscFrame;
 use crate::hold::zero_order_hold;
 
 /// A zero-order hold, before any frames that the experiment itself states.

@@ -1,8 +1,9 @@
 //! Thrust changes slowly with time.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
-use crate::{Interval, Memory, ResponseStage, RotorBase};
+use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
+use crate::rotor::RotorBase;
+use crate::stage::Memory;
 
 /// Heating, or the state of charge.
 pub static KIND: Kind = Kind {

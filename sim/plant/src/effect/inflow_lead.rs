@@ -3,8 +3,8 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
-use crate::{Interval, Memory, ResponseStage};
+use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
+use crate::stage::Memory;
 
 /// A lead from speed to thrust.
 pub static KIND: Kind = Kind {

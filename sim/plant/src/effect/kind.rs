@@ -6,7 +6,8 @@ use std::fmt;
 use num_complex::Complex64;
 
 use super::{Part, Recipe};
-use crate::{OperatingPoint, RotorBase};
+use crate::operating::OperatingPoint;
+use crate::rotor::RotorBase;
 
 /// Beyond what is plausible by this factor a value is a slip of its unit.
 const FAR: f64 = 1e3;

@@ -5,7 +5,8 @@ use std::collections::VecDeque;
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{Interval, Memory, ResponseStage};
+use crate::filter::{Interval, ResponseStage};
+use crate::stage::Memory;
 
 /// What is logged is the mean over the last moments.
 pub static KIND: Kind = Kind {

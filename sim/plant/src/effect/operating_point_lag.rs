@@ -1,7 +1,7 @@
 //! The time constant is that of the speed of the moment.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{Motion, RotorEffect};
+use crate::rotor::{Motion, RotorEffect};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
 const FURTHEST: f64 = 10.0;

@@ -1,7 +1,9 @@
 //! What a kind puts into the chain.
 
+use crate::filter::ResponseStage;
 use crate::integrated::IntegratedTerm;
-use crate::{CommandStage, ResponseStage, RotorEffect};
+use crate::rotor::RotorEffect;
+use crate::stage::CommandStage;
 
 /// The link that an effect is, by where it acts.
 pub enum Part {

@@ -1,7 +1,7 @@
 //! Curvature of steady thrust against command.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::RotorEffect;
+use crate::rotor::RotorEffect;
 
 /// A parabola in place of the straight line.
 pub static KIND: Kind = Kind {

@@ -3,8 +3,8 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
-use crate::{Interval, Memory, ResponseStage};
+use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
+use crate::stage::Memory;
 
 /// The motor's electrical lag, or a filter of the sensor.
 pub static KIND: Kind = Kind {

@@ -1,7 +1,7 @@
 //! The command can change only so fast.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
-use crate::{CommandStage, Memory, Segment};
+use crate::stage::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate.
 pub static KIND: Kind = Kind {

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::filter::{MEMORY_TIME_CONSTANTS, Mode};
-use crate::{Interval, Memory, ResponseStage};
+use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
+use crate::stage::Memory;
 
 /// One structural mode between thrust and sensor.
 pub static KIND: Kind = Kind {

@@ -4,7 +4,7 @@ use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::filter::MEMORY_TIME_CONSTANTS;
-use crate::{Motion, RotorBase, RotorEffect, Supply};
+use crate::rotor::{Motion, RotorBase, RotorEffect, Supply};
 
 /// The speed, as a command, at which losses of the drive are counted.
 pub(super) const HOVER: f64 = 0.5;

@@ -693,7 +693,7 @@ fn over_a_range_effects_count_from_the_points_and_the_supply_from_no_load() {
 
 #[test]
 fn a_gain_that_is_none_has_the_speed_of_its_command() {
-    let flat = OperatingPoint { lag: crate::Lag { gain: 0.0, ..point().lag }, ..point() };
+    let flat = OperatingPoint { lag: crate::model::Lag { gain: 0.0, ..point().lag }, ..point() };
     let mut plant = Actuator::with_effects(flat, &[], EscTiming::default()).unwrap();
     plant.advance(0.7, 1.0);
     assert_eq!((plant.response(), plant.speed()), (0.0, 0.7));

@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
-use crate::TransportDelay;
+use crate::delay::TransportDelay;
 
 /// A delay beyond that of the model's points.
 pub static KIND: Kind = Kind {

@@ -5,7 +5,7 @@ use num_complex::Complex64;
 use super::supply_sag::{HOVER, speed_at_rest};
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::filter::MEMORY_TIME_CONSTANTS;
-use crate::{Motion, RotorBase, RotorEffect};
+use crate::rotor::{Motion, RotorBase, RotorEffect};
 
 /// A motor that has lost so much of its drive has burnt.
 const LEAST_REMAINING_DRIVE: f64 = 0.1;

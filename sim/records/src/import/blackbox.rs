@@ -14,7 +14,7 @@ use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::{Excitation, Output};
+use crate::experiment::{Excitation, Output};
 
 /// Bit of `features` that says that motors turn both ways.
 const FEATURE_3D: i64 = 1 << 12;

@@ -18,7 +18,7 @@ use super::held::{Held, hold};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::{Excitation, Output};
+use crate::experiment::{Excitation, Output};
 
 const CHIRP: &str = "ECRP";
 const OUTPUTS: &str = "RCOU";

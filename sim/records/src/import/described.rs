@@ -1,7 +1,7 @@
 //! What a log does not say of itself: the part of it that is one record, and what drove the command in it.
 
 use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, MIN_STEADY_POINTS, Taken};
-use crate::Excitation;
+use crate::experiment::Excitation;
 
 /// Commands are distinguished to this: a microsecond of a pulse width from 1000 to 2000.
 const COMMAND_STEP: f64 = 1e-3;

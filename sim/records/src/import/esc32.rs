@@ -16,7 +16,7 @@ use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
 use super::table::{Reading, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, Timing};
-use crate::{Excitation, Output};
+use crate::experiment::{Excitation, Output};
 
 const TIME: &str = "Timestamp";
 const COMMAND: &str = "Duty";

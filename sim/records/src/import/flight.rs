@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use super::{ImportError, ImportOptions};
-use crate::Excitation;
+use crate::experiment::Excitation;
 
 /// Seconds, and rows, that are looked at together: at least as many of both.
 const WINDOW_S: f64 = 1.0;

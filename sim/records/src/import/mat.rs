@@ -14,8 +14,8 @@ use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken};
+use crate::experiment::{Excitation, Output};
 use crate::files::csv_rows::quoted;
-use crate::{Excitation, Output};
 
 /// How a vector's numbers become those of the column.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,7 +17,7 @@ use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing};
-use crate::{Excitation, Output};
+use crate::experiment::{Excitation, Output};
 
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;

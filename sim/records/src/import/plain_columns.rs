@@ -10,7 +10,7 @@ use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{Reading, seconds_since_midnight};
 use super::{ImportError, ImportOptions, rcbenchmark};
-use crate::Excitation;
+use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
 
 /// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and

@@ -7,7 +7,7 @@
 use super::ImportError;
 use super::plain_columns::Pick;
 use super::table::Table;
-use crate::Output;
+use crate::experiment::Output;
 
 /// The columns that may be a response, and those beside them.
 pub(super) struct Columns<'a> {

@@ -1,7 +1,7 @@
 //! The zero of a stand's load cell, from the rows in which the motor is at rest.
 
 use super::{ImportError, ImportOptions, Taken};
-use crate::Excitation;
+use crate::experiment::Excitation;
 
 /// Rows whose mean is a zero.
 const LEAST_ROWS: usize = 10;

@@ -14,7 +14,7 @@ use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
 use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::{Excitation, Output};
+use crate::experiment::{Excitation, Output};
 
 /// Bends thrust to the ESC's signal.
 const THRUST_FACTOR: &str = "THR_MDL_FAC";

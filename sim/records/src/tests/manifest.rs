@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use super::{CSV, MANIFEST, edited, read, refuses_manifest};
+use crate::experiment::{Excitation, Experiment, Output, Role};
 use crate::files::testing::{Scratch, assert_report};
-use crate::{Excitation, Experiment, Output, Role};
 
 #[test]
 fn every_key_is_read() {

@@ -3,9 +3,9 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 
 use super::record;
+use crate::experiment::{Excitation, Experiment, Output, Record, Role};
 use crate::files::OutputFolder;
 use crate::files::testing::{Scratch, assert_report};
-use crate::{Excitation, Experiment, Output, Record, Role};
 
 /// Numbers of every magnitude that a column takes, zeros and subnormals of both signs among them.
 fn number() -> impl Strategy<Value = f64> {

@@ -1,6 +1,7 @@
 use super::record;
+use crate::error::RecordError;
 use crate::files::testing::assert_report;
-use crate::{Periods, RecordError};
+use crate::sampling::Periods;
 
 /// `count` stamps at `rate_hz` from `start_s`, rounded to `decimals`.
 fn stamps(count: usize, rate_hz: f64, start_s: f64, decimals: usize) -> Vec<f64> {
