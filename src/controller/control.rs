@@ -1,6 +1,6 @@
 //! The control task: a [`Tick`], and the hardware that it drives.
 
-use super::frames::{FrameClock, FrameInputs};
+use super::dshot_ports::{FrameClock, FrameInputs};
 use super::hardware::{
     ControlHardware, ControlParts, InputFrameHardware, OutputHardware, ThrustConverter, TickTimer, Watchdog,
 };

@@ -16,8 +16,8 @@
 mod clock;
 mod control;
 mod control_access;
+mod dshot_ports;
 mod filters;
-mod frames;
 pub mod hardware;
 mod inputs;
 mod lamp;

@@ -57,10 +57,10 @@
 
 mod coefficients;
 mod fixed_point;
-mod limits;
+mod output_limits;
 mod recurrence;
 
 pub(crate) use coefficients::TableError;
 pub use coefficients::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, TABLE_POINTS};
-pub use limits::{Limits, OUTPUT_BITS, SlewLimit};
+pub use output_limits::{Limits, OUTPUT_BITS, SlewLimit};
 pub use recurrence::ConditionedInverse;

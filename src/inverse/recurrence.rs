@@ -1,7 +1,7 @@
 //! The tick.
 
 use super::fixed_point::{add_high_product, cold_path, product, shift_rounded, shifted_30_saturated};
-use super::limits::{HALF_STEP, STEP_SHIFT, command_from_steps, nearest_steps};
+use super::output_limits::{HALF_STEP, STEP_SHIFT, command_from_steps, nearest_steps};
 use super::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits};
 use crate::throttle::Command;
 

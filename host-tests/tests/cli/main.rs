@@ -29,7 +29,7 @@ mod outputs;
 #[cfg(unix)]
 mod promise;
 mod provenance;
-mod replaced;
+mod replacement;
 mod report_of_steps;
 mod reports;
 #[cfg(unix)]

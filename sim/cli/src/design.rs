@@ -12,7 +12,7 @@ use super::latency::LatencyArguments;
 use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, PurposeOption};
-use super::replaced::written_to;
+use super::replacement::written_to;
 use super::report_option::ReportOption;
 use super::report_pages;
 

@@ -15,7 +15,7 @@ use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
 use super::redesign::RedesignArguments;
-use super::replaced::written_to;
+use super::replacement::written_to;
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
 

@@ -32,7 +32,7 @@ mod overwrite_guard;
 mod parameters;
 mod progress;
 mod redesign;
-mod replaced;
+mod replacement;
 mod report;
 mod report_option;
 mod report_pages;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rotorlead_records::import::MissingOption;
 
-use super::replaced::written_to;
+use super::replacement::written_to;
 use super::report_option::this_command_with;
 
 /// Where a model was written, or the command that writes it.

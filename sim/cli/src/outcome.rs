@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use super::replaced::generator;
+use super::replacement::generator;
 use super::report_option::{arguments, this_command};
 
 /// A result with a number that is none, or impossible in its unit.

@@ -9,7 +9,7 @@ use rotorlead_records::files::TextFile;
 
 use super::WrongUse;
 use super::fleet::{DIAGNOSIS, LIST, MODEL};
-use super::replaced::{self, Replaced};
+use super::replacement::{self, ReplacementRefused};
 
 /// Options that name what is written; every other path is read. A test holds every path of the command line to be known.
 const WRITTEN: [&str; 9] =
@@ -55,9 +55,11 @@ pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), Wrong
 }
 
 /// Refuses to replace a file of another kind than the output that would.
-pub(super) fn check_replaced(command: &Command, matches: &ArgMatches) -> Result<(), Replaced> {
+pub(super) fn check_replaced(command: &Command, matches: &ArgMatches) -> Result<(), ReplacementRefused> {
     let outputs = paths(command, matches).into_iter().filter(|named| WRITTEN.contains(&named.id));
-    outputs.into_iter().try_for_each(|output| replaced::check(output.path, &output.option, (output.command, output.id)))
+    outputs
+        .into_iter()
+        .try_for_each(|output| replacement::check(output.path, &output.option, (output.command, output.id)))
 }
 
 /// Every path that is given to the command and those that it is part of.

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::WrongUse;
 use super::parameters::{DesignArguments, number};
 use super::progress;
-use super::replaced::written_to;
+use super::replacement::written_to;
 
 /// What is asked of a redesign.
 #[derive(Args, Debug)]

@@ -19,7 +19,7 @@ use super::identify::not_identified;
 use super::measured::{Measured, Reading, is_log};
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{KindName, PurposeOption};
-use super::replaced::report_at;
+use super::replacement::report_at;
 use super::report_option::{FiguresOption, this_command};
 use super::{diagnose, progress, report_pages};
 

@@ -11,7 +11,7 @@ use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
 use super::progress;
-use super::replaced::{check_figure, report_at};
+use super::replacement::{check_figure, report_at};
 
 /// Where the report and its figures go.
 #[derive(Args, Debug)]

@@ -7,9 +7,9 @@
 
 mod actuator;
 pub mod bench;
+mod command_signal;
 mod compensator;
 mod delay;
-mod drive;
 pub mod effect;
 mod error;
 mod esc_frame;
@@ -34,14 +34,13 @@ mod stage;
 pub mod testing;
 
 pub use actuator::{Actuator, EscTiming, Law};
+pub use command_signal::{CommandSignal, Interpolation};
 pub use compensator::{
     CoefficientFormat, CommandNoiseGain, CompensatorDesign, CompensatorProvenance, FilterDesign, GainFormat,
     InverseCompensator, InverseFile, InverseKind, InverseRange, LeadFile, LeadKind, ReferenceFormat, SignalFormat,
     StoredCoefficients, StoredCompensator, StoredInverse,
 };
 pub use delay::TransportDelay;
-pub use drive::Drive;
-pub use drive::Interpolation;
 pub use effect::{ActiveEffect, Catalog, LinearChain};
 pub use error::PlantError;
 pub use esc_frame::EscFrame;

@@ -1,11 +1,11 @@
 //! A drive as pieces, some at a time.
 
 use super::Segment;
-use super::drive::{Drive, Interpolation};
+use super::command_signal::{CommandSignal, Interpolation};
 
 /// What of a drive is to come.
 pub(super) struct Pieces<'a> {
-    drive: Drive<'a>,
+    drive: CommandSignal<'a>,
     interpolation: Interpolation,
     /// The first command takes effect here and the last one ends there, seconds.
     begin_s: f64,
@@ -19,7 +19,12 @@ pub(super) struct Pieces<'a> {
 impl<'a> Pieces<'a> {
     /// From `now_s` on, which is not before `begin_s`, of a drive that begins at `begin_s` and ends at `end_s`; each with one
     /// command at least. Where it ends it goes back to its first command.
-    pub fn new(drive: Drive<'a>, interpolation: Interpolation, (begin_s, end_s): (f64, f64), now_s: f64) -> Self {
+    pub fn new(
+        drive: CommandSignal<'a>,
+        interpolation: Interpolation,
+        (begin_s, end_s): (f64, f64),
+        now_s: f64,
+    ) -> Self {
         let mut pieces = Self { drive, interpolation, begin_s, end_s, now_s, place: 0 };
         pieces.place = drive.time_s.partition_point(|time_s| pieces.moment(*time_s) <= now_s).saturating_sub(1);
         pieces
@@ -88,7 +93,7 @@ impl<'a> Pieces<'a> {
 mod tests {
     use super::*;
 
-    const DRIVE: Drive = Drive { time_s: &[1.0, 2.0, 3.0, 4.0], command: &[0.2, 0.2, 0.4, 0.6] };
+    const DRIVE: CommandSignal = CommandSignal { time_s: &[1.0, 2.0, 3.0, 4.0], command: &[0.2, 0.2, 0.4, 0.6] };
 
     fn all(mut pieces: Pieces, ends_s: &[f64], most: usize) -> Vec<Segment> {
         let mut found = Vec::new();

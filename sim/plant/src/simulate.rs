@@ -1,6 +1,6 @@
 //! A chain over a whole record.
 
-use super::drive::{Drive, Interpolation};
+use super::command_signal::{CommandSignal, Interpolation};
 use super::pieces::Pieces;
 use super::{Actuator, Memory, PlantError};
 
@@ -60,7 +60,7 @@ pub struct Trace {
 /// A step, and the response after one time constant:
 ///
 /// ```
-/// use rotorlead_plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
+/// use rotorlead_plant::{Actuator, CommandSignal, EscTiming, Law, Model, Start, simulate};
 ///
 /// let motor: Model = toml::from_str("
 ///     format = 1
@@ -70,13 +70,18 @@ pub struct Trace {
 ///     time_constant_s = 0.1
 /// ")?;
 /// let mut actuator = Actuator::new(&motor, Law::LinearAround(0.5), EscTiming::default())?;
-/// let step = Drive { time_s: &[0.0], command: &[0.6] };
+/// let step = CommandSignal { time_s: &[0.0], command: &[0.6] };
 ///
 /// let trace = simulate(&mut actuator, step, Start::Rest(0.5), &[0.0, 0.1])?;
 /// assert!((trace.response[1] - trace.response[0] - (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
+pub fn simulate(
+    actuator: &mut Actuator,
+    drive: CommandSignal,
+    start: Start,
+    rows_s: &[f64],
+) -> Result<Trace, PlantError> {
     begin(actuator, (drive, Interpolation::ZeroOrderHold), start)?;
     let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
     let mut trace = Trace::default();
@@ -105,7 +110,7 @@ pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f
 /// Those of [`simulate`].
 pub fn simulate_response(
     actuator: &mut Actuator,
-    drive: Drive,
+    drive: CommandSignal,
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
@@ -115,7 +120,7 @@ pub fn simulate_response(
 /// The same with another interpolation of the commands.
 pub fn simulate_interpolated(
     actuator: &mut Actuator,
-    (drive, interpolation): (Drive, Interpolation),
+    (drive, interpolation): (CommandSignal, Interpolation),
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
@@ -129,7 +134,7 @@ pub fn simulate_interpolated(
 /// Those of [`simulate`].
 pub fn simulate_periodic_response(
     actuator: &mut Actuator,
-    drive: Drive,
+    drive: CommandSignal,
     start: Start,
     rows_s: &[f64],
     period_rows: usize,
@@ -140,7 +145,7 @@ pub fn simulate_periodic_response(
 /// The same with another interpolation of the commands.
 pub fn simulate_periodic_interpolated(
     actuator: &mut Actuator,
-    (drive, interpolation): (Drive, Interpolation),
+    (drive, interpolation): (CommandSignal, Interpolation),
     start: Start,
     rows_s: &[f64],
     period_rows: usize,
@@ -195,7 +200,7 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn begin(
         actuator: &'a mut Actuator,
-        (drive, interpolation): (Drive<'a>, Interpolation),
+        (drive, interpolation): (CommandSignal<'a>, Interpolation),
         start: Start,
         rows_s: &[f64],
     ) -> Result<Self, PlantError> {
@@ -266,7 +271,7 @@ impl<'a> Run<'a> {
 /// Brings an actuator to the begin of a record.
 fn begin(
     actuator: &mut Actuator,
-    (drive, interpolation): (Drive, Interpolation),
+    (drive, interpolation): (CommandSignal, Interpolation),
     start: Start,
 ) -> Result<(), PlantError> {
     let count = drive.time_s.len();
@@ -307,23 +312,28 @@ impl Trace {
     }
 }
 
-fn one_period(drive: Drive, period_s: f64) -> Result<Drive, PlantError> {
+fn one_period(drive: CommandSignal, period_s: f64) -> Result<CommandSignal, PlantError> {
     if !(period_s.is_finite() && period_s > 0.0) {
         return Err(PlantError::Setting { parameter: "period_s", value: period_s, limit: "finite and above 0" });
     }
     let length = drive.time_s.partition_point(|time_s| time_s - drive.time_s[0] < period_s * (1.0 - 1e-12));
-    Ok(Drive { time_s: &drive.time_s[..length], command: &drive.command[..length] })
+    Ok(CommandSignal { time_s: &drive.time_s[..length], command: &drive.command[..length] })
 }
 
 /// Lets a period that begins at `begin_s` pass, or what of it is still to come.
-fn run_in(actuator: &mut Actuator, (period, interpolation): (Drive, Interpolation), period_s: f64, begin_s: f64) {
+fn run_in(
+    actuator: &mut Actuator,
+    (period, interpolation): (CommandSignal, Interpolation),
+    period_s: f64,
+    begin_s: f64,
+) {
     let end_s = begin_s + period_s;
     let mut commands = Pieces::new(period, interpolation, (begin_s, end_s), actuator.now_s());
     actuator.pass(&mut commands, end_s, &[], &mut Vec::new());
 }
 
 /// Mean command over a period.
-fn mean(period: Drive, period_s: f64) -> f64 {
+fn mean(period: CommandSignal, period_s: f64) -> f64 {
     let (zero_s, last) = (period.time_s[0], period.time_s.len() - 1);
     let pairs = period.time_s.windows(2).zip(period.command);
     let inner: f64 = pairs.map(|(pair, command)| command * (pair[1] - pair[0])).sum();
@@ -342,7 +352,7 @@ mod tests {
         let period_s = 10.0;
         let sine = |time_s: &f64| 0.5 + 0.05 * (std::f64::consts::TAU * 3.0 * time_s / period_s).sin();
         let command: Vec<f64> = time_s[..1000].iter().map(sine).collect::<Vec<_>>().repeat(3);
-        let drive = (Drive { time_s: &time_s, command: &command }, Interpolation::ZeroOrderHold);
+        let drive = (CommandSignal { time_s: &time_s, command: &command }, Interpolation::ZeroOrderHold);
         // The limit of the rate meets the command late in the first period only, so that takes one more.
         for (kind, value, periods) in [("dead_band", 0.01, 0.0), ("backlash", 0.01, 0.0), ("slew_limit", 0.05, 1.0)] {
             let effects = [active(Catalog::standard().find(kind).unwrap(), &[value])];
@@ -369,7 +379,7 @@ mod tests {
             0.5 + 0.05 * (1.0 - 4.0 * ((part + 0.25) % 1.0 - 0.5).abs())
         };
         let command: Vec<f64> = (0..3 * rows).map(triangle).collect();
-        let drive = Drive { time_s: &time_s, command: &command };
+        let drive = CommandSignal { time_s: &time_s, command: &command };
         let effects = [active(Catalog::standard().find("dead_band").unwrap(), &[0.0121])];
         let after = |lead_s: f64| {
             simulate_response(&mut actuator(&effects), drive, Start::Running { period_s, lead_s }, &time_s).unwrap()

@@ -6,7 +6,8 @@ use num_complex::Complex64;
 
 use super::effect::{Kind, Part};
 use super::{
-    ActiveEffect, Actuator, Drive, EscTiming, Lag, Model, OperatingPoint, Point, RotorBase, Segment, Start, simulate,
+    ActiveEffect, Actuator, CommandSignal, EscTiming, Lag, Model, OperatingPoint, Point, RotorBase, Segment, Start,
+    simulate,
 };
 
 /// A model with the given (nominal, gain, time constant, delay).
@@ -58,7 +59,7 @@ pub fn actuator(effects: &[ActiveEffect]) -> Actuator {
 /// The response of [`point`] with effects to a step of `height` from 0.5, at rows of 1 ms from the step on.
 pub fn step(height: f64, duration_s: f64, effects: &[ActiveEffect]) -> Vec<f64> {
     let rows: Vec<f64> = (0..(duration_s * 1e3).round() as u32).map(|row| f64::from(row) * 1e-3).collect();
-    let drive = Drive { time_s: &[0.0], command: &[0.5 + height] };
+    let drive = CommandSignal { time_s: &[0.0], command: &[0.5 + height] };
     simulate(&mut actuator(effects), drive, Start::Rest(0.5), &rows).unwrap().response
 }
 
@@ -114,7 +115,7 @@ pub fn seen_response(effects: &[ActiveEffect], omega_rad_s: f64) -> Complex64 {
     let ticks: Vec<f64> = (0..500_000_u32).map(|tick| f64::from(tick) * tick_s).collect();
     let command: Vec<f64> = ticks.iter().map(|t| 0.5 + 1e-3 * (omega_rad_s * t).sin()).collect();
     let rows: Vec<f64> = (0..20_000_u32).map(|row| 5.0 + f64::from(row) * 1e-3).collect();
-    let drive = Drive { time_s: &ticks, command: &command };
+    let drive = CommandSignal { time_s: &ticks, command: &command };
     let seen = simulate(&mut actuator(effects), drive, Start::Rest(0.5), &rows).unwrap().response;
     // Least squares of a sin + b cos + c.
     let design = nalgebra::DMatrix::from_fn(rows.len(), 3, |row, column| {

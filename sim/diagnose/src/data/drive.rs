@@ -1,6 +1,6 @@
 //! What a simulation of a record needs of it.
 
-use rotorlead_plant::{Drive, Interpolation, Memory, Start};
+use rotorlead_plant::{CommandSignal, Interpolation, Memory, Start};
 
 use super::dataset::{Before, Record};
 
@@ -12,13 +12,13 @@ const LONGER_STEPS: f64 = 2.5;
 
 impl Record {
     /// The applied commands up to so many rows; from row to row where that is wanted, and will do.
-    pub fn input_signal(&self, rows: usize, in_rows: bool) -> (Drive<'_>, Interpolation) {
+    pub fn input_signal(&self, rows: usize, in_rows: bool) -> (CommandSignal<'_>, Interpolation) {
         if self.log.is_some() {
-            return (Drive { time_s: &self.command_s, command: &self.command }, Interpolation::ZeroOrderHold);
+            return (CommandSignal { time_s: &self.command_s, command: &self.command }, Interpolation::ZeroOrderHold);
         }
-        fn up_to<'a>(time_s: &'a [f64], command: &'a [f64], last: usize) -> Drive<'a> {
+        fn up_to<'a>(time_s: &'a [f64], command: &'a [f64], last: usize) -> CommandSignal<'a> {
             let count = (last + 1).min(time_s.len());
-            Drive { time_s: &time_s[..count], command: &command[..count] }
+            CommandSignal { time_s: &time_s[..count], command: &command[..count] }
         }
         let last = rows.saturating_sub(1);
         if in_rows && !self.first_order_hold.is_empty() {

@@ -1,6 +1,6 @@
 //! The lag to begin with.
 
-use rotorlead_plant::{Actuator, Drive, EscTiming, Lag, OperatingPoint, Start, simulate_response};
+use rotorlead_plant::{Actuator, CommandSignal, EscTiming, Lag, OperatingPoint, Start, simulate_response};
 
 use crate::data::dataset::Record;
 
@@ -21,7 +21,7 @@ pub(crate) fn first_lag(record: &Record) -> Option<Lag> {
         let lag = Lag { gain: 1.0, time_constant_s, delay_s: 0.0 };
         let point = OperatingPoint { nominal: record.nominal, lag, response: 0.0 };
         let mut actuator = Actuator::linear(point, EscTiming::default()).ok()?;
-        let drive = Drive { time_s: &record.command_s, command: &record.command };
+        let drive = CommandSignal { time_s: &record.command_s, command: &record.command };
         let unit = simulate_response(&mut actuator, drive, Start::Rest(record.command[0]), &record.time_s).ok()?;
         let (x_mean, y_mean) = (mean(&unit), mean(&record.measured));
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);

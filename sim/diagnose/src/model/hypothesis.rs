@@ -5,8 +5,8 @@ use rotorlead_identify::simulation::fit_offset_and_initial_state;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, RotorBase, Start, Trace,
-    simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
+    ActiveEffect, Actuator, Catalog, CommandSignal, EscTiming, Lag, OperatingPoint, PlantError, RotorBase, Start,
+    Trace, simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
 };
 
 use super::candidate::{Candidate, from_coordinate, to_coordinate};
@@ -294,7 +294,7 @@ impl Hypothesis {
         let quiet = |response: f64| {
             let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
             let seen: Vec<f64> = seen.iter().map(|&row| stamps[row]).collect();
-            let drive = Drive { time_s: &record.command_s[..1], command: &record.command[..1] };
+            let drive = CommandSignal { time_s: &record.command_s[..1], command: &record.command[..1] };
             simulate_response(&mut actuator, drive, start, &seen)
         };
         let (with, without) = (quiet(off)?, quiet(0.0)?);
@@ -366,7 +366,7 @@ impl Hypothesis {
             }
         }
         let (mut actuator, start, stamps) = known.actuator(data, record, record.time_s.len(), steady).ok()?;
-        let drive = Drive { time_s: &record.command_s, command: &record.command };
+        let drive = CommandSignal { time_s: &record.command_s, command: &record.command };
         simulate(&mut actuator, drive, start, &stamps).ok()
     }
 

@@ -4,7 +4,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use rotorlead_diagnose::{Column, Diagnosis, Verdict};
-use rotorlead_plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
+use rotorlead_plant::{Actuator, CommandSignal, EscTiming, Law, Model, Start, simulate};
 use rotorlead_records::Experiment;
 
 use crate::two_levels::{diagnosed, experiment, motor};
@@ -20,7 +20,7 @@ fn with_speed(model: &Model, mut experiment: Experiment) -> Experiment {
     let noise = Normal::new(0.0, NOISE_RPM).unwrap();
     for record in &mut experiment.records {
         let mut actuator = Actuator::new(model, Law::LinearAround(record.nominal), EscTiming::default()).unwrap();
-        let drive = Drive { time_s: &record.time_s, command: &record.command };
+        let drive = CommandSignal { time_s: &record.time_s, command: &record.command };
         let trace = simulate(&mut actuator, drive, Start::Rest(record.nominal), &record.time_s).unwrap();
         let rpm = trace.speed.iter().map(|speed| FULL_RPM * speed.sqrt() + noise.sample(&mut random));
         record.rpm = Some(rpm.collect());

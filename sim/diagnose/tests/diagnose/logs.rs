@@ -8,7 +8,7 @@ use rotorlead_diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdic
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_plant::effect::Kind;
 use rotorlead_plant::{
-    Actuator, Catalog, Drive, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,
+    Actuator, Catalog, CommandSignal, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,
 };
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
@@ -55,7 +55,7 @@ impl Log {
             }
         }
         let mut actuator = Actuator::new(model, Law::LinearAround(NOMINAL), EscTiming::default()).unwrap();
-        let drive = Drive { time_s: &time_s, command: &command };
+        let drive = CommandSignal { time_s: &time_s, command: &command };
         let trace = simulate(&mut actuator, drive, Start::Rest(LEVELS[0]), &time_s).unwrap();
         Self { time_s, command, trace, random }
     }

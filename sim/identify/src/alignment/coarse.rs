@@ -9,7 +9,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rotorlead_fourier::{self as fourier, ComplexToReal, RealToComplex};
 
-use super::logs::Drive;
+use super::logs::CommandSignal;
 use super::{AlignmentOptions, CommandLog, ResponseLog};
 
 /// A place to begin.
@@ -68,7 +68,7 @@ impl Masked {
 /// The best shifts, best first.
 pub(super) fn candidates(
     command: &CommandLog<'_>,
-    drive: &Drive,
+    drive: &CommandSignal,
     response: &ResponseLog<'_>,
     options: &AlignmentOptions,
     max_skew: f64,

@@ -21,7 +21,7 @@ pub struct CommandLog<'a> {
 
 /// What both logs show, on the clock of the command log.
 #[derive(Clone, Debug)]
-pub(super) struct Drive {
+pub(super) struct CommandSignal {
     /// Moved and scaled to -1..1.
     pub(super) values: Vec<f64>,
     pub(super) kind: DriveKind,
@@ -62,12 +62,12 @@ impl CommandLog<'_> {
     }
 
     /// What it shares with the response log: the response where it has that, else its cause.
-    pub(super) fn drive(&self) -> Drive {
+    pub(super) fn drive(&self) -> CommandSignal {
         let kind = if self.response.is_some() { DriveKind::Response } else { DriveKind::Command };
         let values = self.response.unwrap_or(self.command);
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Drive { values: values.iter().map(|v| (2.0 * v - low - high) / (high - low)).collect(), kind }
+        CommandSignal { values: values.iter().map(|v| (2.0 * v - low - high) / (high - low)).collect(), kind }
     }
 
     /// First and last time.

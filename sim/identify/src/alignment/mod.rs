@@ -46,7 +46,7 @@ pub use merge::{Merged, MergedRows, merge};
 use crate::estimate::Estimate;
 use crate::goodness_of_fit::fit_percent;
 use coarse::Candidate;
-use logs::{Drive, DriveKind};
+use logs::{CommandSignal, DriveKind};
 use problem::{AlignmentProblem, DELAY, GAIN, MOST_POWERS};
 
 /// Where to search.
@@ -297,7 +297,12 @@ impl Overlap {
         }
     }
 
-    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, drive: &'a Drive, skew: bool) -> AlignmentProblem<'a> {
+    fn problem<'a>(
+        &'a self,
+        command: &'a CommandLog<'_>,
+        drive: &'a CommandSignal,
+        skew: bool,
+    ) -> AlignmentProblem<'a> {
         AlignmentProblem {
             command_time_s: command.time_s,
             drive: &drive.values,
@@ -315,7 +320,7 @@ impl Overlap {
 }
 
 /// As many powers as the command has levels to tell them, less one for the offset; of a response it is itself.
-fn powers(drive: &Drive) -> usize {
+fn powers(drive: &CommandSignal) -> usize {
     if drive.kind == DriveKind::Response {
         return 1;
     }

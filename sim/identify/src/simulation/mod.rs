@@ -2,7 +2,7 @@
 
 pub mod periodic;
 
-use rotorlead_plant::{Actuator, Drive, PlantError, Start, simulate_response};
+use rotorlead_plant::{Actuator, CommandSignal, PlantError, Start, simulate_response};
 
 /// Response at the rows of `actuator` to the recorded `command` (0..1, one value per row of `time_s`, seconds,
 /// increasing), put to rest at the command of row `at_rest` (one of the rows) when it gets there.
@@ -35,7 +35,7 @@ fn run_on_own_clock(
     command: &[f64],
     at_rest: usize,
 ) -> Result<Vec<f64>, PlantError> {
-    let drive = Drive { time_s: &time_s[at_rest..], command: &command[at_rest..] };
+    let drive = CommandSignal { time_s: &time_s[at_rest..], command: &command[at_rest..] };
     let seen = simulate_response(actuator, drive, Start::Rest(command[at_rest]), drive.time_s)?;
     let mut response = vec![seen[0]; at_rest];
     response.extend(seen);

@@ -1,7 +1,7 @@
 //! The lines that a model with effects gives a periodic record: it is simulated, as effects may have no frequency response.
 
 use rotorlead_fourier as fourier;
-use rotorlead_plant::{Actuator, Drive, PlantError, Start, simulate_response};
+use rotorlead_plant::{Actuator, CommandSignal, PlantError, Start, simulate_response};
 
 /// Commands between two rows, at most: more of them are a continuous command to whatever the rows show.
 const MOST_PER_ROW: f64 = 256.0;
@@ -36,7 +36,7 @@ pub(crate) fn simulated_periods(
     let command: Vec<f64> = period.iter().copied().cycle().take(commands).collect();
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
     let start = Start::Periodic { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
-    simulate_response(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)
+    simulate_response(&mut actuator, CommandSignal { time_s: &time_s, command: &command }, start, &rows_s)
 }
 
 /// How many commands there are between two rows: 1 where they change with the rows, and no more than shows.

@@ -9,7 +9,7 @@ use rotorlead_identify::alignment::{
 
 /// What is commanded.
 #[derive(Clone, Copy, Debug)]
-enum Drive {
+enum CommandSignal {
     /// Steps of random size after random times, written when they happen.
     Steps,
     /// Twelve sines between 0.2 and 12 Hz with a common period of 5 s, at 500 Hz.
@@ -26,7 +26,7 @@ enum Noise {
 
 #[derive(Clone, Copy, Debug)]
 struct Bench {
-    drive: Drive,
+    drive: CommandSignal,
     noise: Noise,
     /// Standard deviation of the noise; the steps are some 1000 high.
     noise_std: f64,
@@ -76,7 +76,7 @@ fn logs(bench: &Bench, seed: u64) -> Logs {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (mut command_time_s, mut command) = (Vec::new(), Vec::new());
     match bench.drive {
-        Drive::Steps => {
+        CommandSignal::Steps => {
             let mut t = 0.0;
             while t < bench.length_s {
                 command_time_s.push(t);
@@ -86,7 +86,7 @@ fn logs(bench: &Bench, seed: u64) -> Logs {
             command_time_s.push(bench.length_s);
             command.push(0.5);
         }
-        Drive::Multisine => {
+        CommandSignal::Multisine => {
             let phases: Vec<f64> = (0..12).map(|_| rng.random_range(0.0..std::f64::consts::TAU)).collect();
             for k in 0..=(500.0 * bench.length_s) as usize {
                 let t = k as f64 / 500.0;
@@ -133,7 +133,7 @@ fn logs(bench: &Bench, seed: u64) -> Logs {
 }
 
 /// A bench of random delay and skew: 0 to 30 ms in the middle, 10 to 2000 ppm either way.
-fn drawn(drive: Drive, noise: Noise, seed: u64) -> Bench {
+fn drawn(drive: CommandSignal, noise: Noise, seed: u64) -> Bench {
     let mut rng = ChaCha8Rng::seed_from_u64(1_000_000 + seed);
     let size = 1e-5 * 200f64.powf(rng.random_range(0.0..1.0));
     let skew = if rng.random_bool(0.5) { size } else { -size };
@@ -157,7 +157,7 @@ struct Misses {
     skew_std_ppm: f64,
 }
 
-fn misses(drive: Drive, noise: Noise, repeats: u64) -> Misses {
+fn misses(drive: CommandSignal, noise: Noise, repeats: u64) -> Misses {
     let mut sum = Misses::default();
     for seed in 0..repeats {
         let bench = drawn(drive, noise, seed);
@@ -198,11 +198,11 @@ fn bounds(repeats: u64, chance: f64) -> (u64, u64) {
     }
 }
 
-const BENCHES: [(Drive, Noise); 4] = [
-    (Drive::Steps, Noise::White),
-    (Drive::Steps, Noise::Colored),
-    (Drive::Multisine, Noise::White),
-    (Drive::Multisine, Noise::Colored),
+const BENCHES: [(CommandSignal, Noise); 4] = [
+    (CommandSignal::Steps, Noise::White),
+    (CommandSignal::Steps, Noise::Colored),
+    (CommandSignal::Multisine, Noise::White),
+    (CommandSignal::Multisine, Noise::Colored),
 ];
 
 /// Eight counts with two tails each: a correct estimator fails less than once in 1000.
@@ -224,7 +224,7 @@ fn intervals_hold_delay_and_skew() {
 fn intervals_hold_delay_and_skew_in_95_percent_of_many_repeats() {
     let repeats = 4000;
     for (drive, noise) in BENCHES {
-        let most = if matches!((drive, noise), (Drive::Steps, Noise::Colored)) { 0.08 } else { 0.06 };
+        let most = if matches!((drive, noise), (CommandSignal::Steps, Noise::Colored)) { 0.08 } else { 0.06 };
         let m = misses(drive, noise, repeats);
         for count in [m.delay, m.skew] {
             assert!((0.04..=most).contains(&(count as f64 / repeats as f64)), "{m:?}");
@@ -233,8 +233,14 @@ fn intervals_hold_delay_and_skew_in_95_percent_of_many_repeats() {
     }
 }
 
-const QUIET: Bench =
-    Bench { drive: Drive::Steps, noise: Noise::White, noise_std: 1.0, length_s: 25.0, offset_s: 0.012, skew: 300e-6 };
+const QUIET: Bench = Bench {
+    drive: CommandSignal::Steps,
+    noise: Noise::White,
+    noise_std: 1.0,
+    length_s: 25.0,
+    offset_s: 0.012,
+    skew: 300e-6,
+};
 
 /// Clocks of a day's difference, as stamps from 1970 beside stamps from power-on.
 #[test]
@@ -281,7 +287,7 @@ fn a_gap_costs_its_rows_and_no_more() {
 /// What is merged is the response at the command's time, and no change of the command is moved to a later row.
 #[test]
 fn merged_rows_are_on_the_clock_of_the_command() {
-    let bench = Bench { drive: Drive::Multisine, noise_std: 0.1, ..QUIET };
+    let bench = Bench { drive: CommandSignal::Multisine, noise_std: 0.1, ..QUIET };
     let measured = logs(&bench, 5);
     let found = measured.align_within(0.5).unwrap();
     let merged = merge(&measured.command(), &measured.response(), &[], &found, MergedRows::OfCommand, 0.0).unwrap();
@@ -409,7 +415,7 @@ fn logs_of_different_runs_are_told() {
 
 #[test]
 fn a_command_that_repeats_is_told_unless_the_delay_is_limited() {
-    let bench = Bench { drive: Drive::Multisine, noise_std: 50.0, ..QUIET };
+    let bench = Bench { drive: CommandSignal::Multisine, noise_std: 50.0, ..QUIET };
     // The logs begin and end with the excitation: a period sooner or later explains the rows that are left as well.
     for seed in 10..30 {
         let logs = logs(&bench, seed);

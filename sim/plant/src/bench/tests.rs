@@ -12,7 +12,8 @@ use rotorlead_records::{Excitation, Experiment, Output, Record};
 use super::*;
 use crate::testing::{model, table_1};
 use crate::{
-    Actuator, Color, CompensatorDesign, Drive, Effect, EscTiming, Law, Model, Noise, Provenance, Start, simulate,
+    Actuator, Color, CommandSignal, CompensatorDesign, Effect, EscTiming, Law, Model, Noise, Provenance, Start,
+    simulate,
 };
 
 /// How far the mean response is from what rows at every tick find.
@@ -354,7 +355,7 @@ fn effects_of_the_model_are_in_the_records_on_the_loggers_own_clock_too() {
                 drive.0.push(3.0 * period_s);
                 drive.1.push(seen.command[0]);
             }
-            let drive = Drive { time_s: &drive.0, command: &drive.1 };
+            let drive = CommandSignal { time_s: &drive.0, command: &drive.1 };
             let expected = simulate(&mut actuator, drive, start, &seen.time_s).unwrap().response;
             for (row, (a, b)) in seen.thrust_n.iter().flatten().zip(&expected).enumerate() {
                 // What ran before the record was cut into longer pieces: off by up to 3e-7 of how the response bends.

@@ -9,7 +9,7 @@ use rotorlead_records::files::Place;
 use super::*;
 use crate::testing::{active, actuator, model, point, seen_response, step};
 use crate::{
-    Actuator, Drive, Effect, EscTiming, Law, OperatingPoint, Start, simulate, simulate_periodic_response,
+    Actuator, CommandSignal, Effect, EscTiming, Law, OperatingPoint, Start, simulate, simulate_periodic_response,
     simulate_response,
 };
 
@@ -78,7 +78,7 @@ fn response_to_noise(effects: &[ActiveEffect], seed: u64) -> Vec<f64> {
         })
         .collect();
     let command: Vec<f64> = rows.iter().map(|_| next()).collect();
-    let drive = Drive { time_s: &rows, command: &command };
+    let drive = CommandSignal { time_s: &rows, command: &command };
     simulate(&mut actuator(effects), drive, Start::Rest(0.5), &rows).unwrap().response
 }
 
@@ -89,7 +89,7 @@ fn what_is_not_a_number_passes_through_every_kind() {
     let broken = OperatingPoint { response: f64::NAN, ..point() };
     for kind in Catalog::standard().kinds() {
         let mut actuator = Actuator::with_effects(broken, &[typical(kind)], EscTiming::default()).unwrap();
-        let drive = Drive { time_s: &time_s, command: &command };
+        let drive = CommandSignal { time_s: &time_s, command: &command };
         let passed = simulate_response(&mut actuator, drive, Start::Rest(0.5), &time_s);
         assert!(passed.is_ok_and(|response| response.iter().all(|y| y.is_nan())), "{kind:?}");
     }
@@ -101,7 +101,7 @@ fn the_response_alone_is_that_of_the_whole_trace() {
     let told_s: Vec<f64> = (0..400_u32).map(|tick| f64::from(tick) * 0.01).collect();
     let level = |tick: usize| 0.5 + 0.15 * ((tick / if tick < 200 { 8 } else { 1 }) as f64 * 2.4).sin();
     let command: Vec<f64> = (0..told_s.len()).map(level).collect();
-    let drive = Drive { time_s: &told_s, command: &command };
+    let drive = CommandSignal { time_s: &told_s, command: &command };
     let catalog = Catalog::standard();
     let several = |ids: &[&str]| ids.iter().map(|id| typical(catalog.find(id).unwrap())).collect::<Vec<_>>();
     let mut chains: Vec<Vec<ActiveEffect>> = typical_and_bent().map(|effect| vec![effect]).collect();
@@ -130,7 +130,7 @@ fn what_repeats_is_the_same_whether_run_again_or_not() {
     let rows: Vec<f64> = (0..4 * period).map(|row| row as f64 * 0.01).collect();
     let level = |row: usize| 0.5 + 0.08 * ((row % period / 20) as f64 * 2.4).sin();
     let command: Vec<f64> = (0..rows.len()).map(level).collect();
-    let drive = Drive { time_s: &rows, command: &command };
+    let drive = CommandSignal { time_s: &rows, command: &command };
     let alone = std::iter::once(Vec::new());
     for effects in alone.chain(typical_and_bent().map(|effect| vec![effect])) {
         for start in [Start::Rest(0.5), Start::Running { period_s: 8.0, lead_s: 1.0 }] {
@@ -155,7 +155,7 @@ fn what_repeats_is_the_same_whether_run_again_or_not() {
 fn levels_that_are_held_for_long_are_left_as_exactly_as_short_ones() {
     let told_s = [0.0, 3.0, 6.5, 9.0];
     let command = [0.5, 0.75, 0.4, 0.6];
-    let drive = Drive { time_s: &told_s, command: &command };
+    let drive = CommandSignal { time_s: &told_s, command: &command };
     let rows: Vec<f64> = (0..1200_u32).map(|row| f64::from(row) * 0.01).collect();
     let apart = |effect: ActiveEffect| {
         let effects = [effect];
@@ -181,7 +181,7 @@ fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
     // 2 s of noise on end; the time constant is 0.1 s.
     let told_s: Vec<f64> = (0..400_u32).map(|tick| f64::from(tick) * 0.01).collect();
     let command: Vec<f64> = (0..400_u32).map(|tick| 0.5 + 0.1 * (f64::from(tick % 200) * 1.7).sin()).collect();
-    let drive = Drive { time_s: &told_s, command: &command };
+    let drive = CommandSignal { time_s: &told_s, command: &command };
     let run = |start: Start| simulate_response(&mut actuator(&[]), drive, start, &told_s).unwrap();
     let for_long = run(Start::Periodic { period_s: 2.0, periods: 3 });
     let apart = |other: &[f64]| for_long.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -479,7 +479,7 @@ fn a_skewed_clock_turns_the_phase_in_proportion_to_time() {
     let omega = 60.0;
     let ticks: Vec<f64> = (0..100_000_u32).map(|tick| f64::from(tick) * 2e-4).collect();
     let command: Vec<f64> = ticks.iter().map(|t| 0.5 + 0.05 * (omega * t).sin()).collect();
-    let drive = Drive { time_s: &ticks, command: &command };
+    let drive = CommandSignal { time_s: &ticks, command: &command };
     let start = || Start::Rest(0.5);
     let rows: Vec<f64> = (0..19_000_u32).map(|row| f64::from(row) * 1e-3).collect();
     for ppm in [800.0, -800.0] {

@@ -8,11 +8,11 @@
 
 use std::path::Path;
 
+use super::binary_columns::{normalized, zero_based_stamps};
 use super::blackbox_frames::{self, BlackboxLog, Rows};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::experiment::{Excitation, Output};
 

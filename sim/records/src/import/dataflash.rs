@@ -12,11 +12,11 @@ use std::path::Path;
 
 use rotorlead_numerics::sample::median;
 
+use super::binary_columns::{normalized, zero_based_stamps};
 use super::dataflash_messages::{DataFlashLog, Messages, is_dataflash};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::experiment::{Excitation, Output};
 

@@ -7,12 +7,12 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
+use super::binary_columns::{normalized, zero_based_stamps};
 use super::format::{LogFormat, Reader};
 use super::mat5::{self, Kind, Variable};
 use super::plain_columns::MOST_LISTED;
 use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
-use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken};
 use crate::experiment::{Excitation, Output};
 use crate::files::csv_rows::quoted;

@@ -3,6 +3,7 @@
 //! The format is recognized by the content, as one of [`FORMATS`]. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
+mod binary_columns;
 mod blackbox;
 mod blackbox_frames;
 mod dataflash;
@@ -29,7 +30,6 @@ mod table;
 mod tare;
 mod ulog;
 mod ulog_messages;
-mod vectors;
 
 use std::fs::File;
 use std::io::Read as _;

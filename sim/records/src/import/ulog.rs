@@ -8,11 +8,11 @@
 
 use std::path::Path;
 
+use super::binary_columns::{normalized, zero_based_stamps};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{Held, hold};
 use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
-use super::vectors::{normalized, zero_based_stamps};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::experiment::{Excitation, Output};
 

@@ -2,7 +2,7 @@
 
 /// Commands and the moments at which they take effect.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive<'a> {
+pub struct CommandSignal<'a> {
     /// When each command takes effect, seconds, increasing. The first is where the clock of the rows starts too.
     pub time_s: &'a [f64],
     /// The commands, 0..1; each holds until the next, the last one for ever.

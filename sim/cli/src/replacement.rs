@@ -31,7 +31,7 @@ const BEGINNING: u64 = 1000;
 #[derive(Debug, Error, Diagnostic)]
 #[error("`{}` of {option} exists and is {found}; {written} would replace it", path.display())]
 #[diagnostic(help("name another {place}, or give --force to replace it"))]
-pub(super) struct Replaced {
+pub(super) struct ReplacementRefused {
     path: PathBuf,
     option: String,
     found: &'static str,
@@ -52,7 +52,7 @@ pub(super) fn generator() -> String {
 }
 
 /// Refuses to replace a file that no output of this option of the command can be. A folder is filled by rules of its own.
-pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> Result<(), Replaced> {
+pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> Result<(), ReplacementRefused> {
     let kinds: &[&'static str] = match (command, id) {
         (_, "json") => &[JSON],
         (_, "report") | ("report", "out") => &[REPORT],
@@ -71,7 +71,13 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         return Ok(());
     }
     let found = found.unwrap_or(UNKNOWN);
-    Err(Replaced { path: path.to_owned(), option: option.to_owned(), found, written: kinds[0], place: "file" })
+    Err(ReplacementRefused {
+        path: path.to_owned(),
+        option: option.to_owned(),
+        found,
+        written: kinds[0],
+        place: "file",
+    })
 }
 
 /// Whether something is lost where this is replaced. What cannot be read is refused as what cannot be written.
@@ -80,7 +86,7 @@ fn loses(path: &Path) -> bool {
 }
 
 /// Refuses to replace a file of the figures' folder: a picture that was not drawn here, or a table of other columns.
-pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), Replaced> {
+pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), ReplacementRefused> {
     let is_table = path.extension().is_some_and(|end| end == "csv");
     let is_own = |beginning: String| match is_table {
         true => beginning.lines().next() == String::from_utf8_lossy(content).lines().next(),
@@ -90,7 +96,7 @@ pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), Replaced> 
         return Ok(());
     }
     let (path, option, found) = (path.to_owned(), "--figures".to_owned(), kind(path).unwrap_or(UNKNOWN));
-    Err(Replaced { path, option, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
+    Err(ReplacementRefused { path, option, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
 }
 
 /// What a file is, where this program writes such files.
