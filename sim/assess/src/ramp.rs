@@ -6,7 +6,8 @@ use rotorlead_records::Experiment;
 
 /// The effect, as the catalog has it.
 pub const KIND: &str = "slew_limit";
-/// With the ramp in the model, what is left beyond noise has to shrink to this part of its power.
+/// With the ramp in the model, what is left beyond noise has to shrink to this part of its power. Chosen: the ramp then explains more than
+/// all else together; less would name ramps that other effects imitate.
 const SHRINKS_TO: f64 = 0.5;
 
 /// The rate of the ramp, commands a second, where one explains the most of what a lag leaves: that which a diagnosis has `found`, if there

@@ -2,10 +2,11 @@
 
 use rotorlead_identify::validate::RecordValidation;
 
-/// Probability that a true model is called wrong on any of the records.
+/// Probability that a true model is called wrong on any of the records. Chosen: one true model of 100 is refused; a smaller level
+/// misses errors in short records, and long ones show any error at any level.
 pub const LEVEL: f64 = 0.01;
-/// An error of the model below this, percent of the response, is not worth a word however sure it is: as much comes of the standard errors of a
-/// good fit.
+/// An error of the model below this, percent of the response, is not worth a word however sure it is. Chosen: the standard errors of a good
+/// fit make errors of this order, and long records show smaller ones of any model.
 pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 
 /// The records that show the model to be wrong by an amount worth a word, at a level that holds over all of them; `None` where no

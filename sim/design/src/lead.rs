@@ -104,7 +104,7 @@ fn check_band(model: &Model) -> Result<(), CompensatorError> {
 }
 
 /// The highest tenth below `refused` that is accepted, where one is: found by bisection from the first one that is on
-/// the way down by tenths of itself.
+/// the way down by tenths of itself. Chosen: a bracket of 0.01 rad/s is a tenth of what is shown; below 1 rad/s no rotor needs a lead.
 fn largest(is_accepted: impl Fn(f64) -> bool, refused: f64) -> Option<f64> {
     let (mut high, mut low) = (refused, 0.9 * refused);
     while !is_accepted(low) {

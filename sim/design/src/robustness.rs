@@ -7,11 +7,13 @@ use super::redesign::sweep::Sweep;
 use super::steps::steps_at;
 use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 
-/// Amplitude of the sinusoids: small signals, which meet no limit.
+/// Amplitude of the sinusoids: small signals, which meet no limit. Chosen: a tenth of the steps; smaller ones come near the rounding of the
+/// command, larger ones near its limits.
 const AMPLITUDE: f64 = 0.005;
-/// Size of the steps.
+/// Size of the steps. Standard: the amplitude of the paper's experiments.
 const STEP: f64 = 0.05;
-/// How far the sinusoids are searched for a bandwidth, in natural frequencies.
+/// How far the sinusoids are searched for a bandwidth, in natural frequencies. Chosen: the deviations raise a bandwidth by a fifth
+/// at most (`docs/inverse.md`); farther costs time.
 const SEARCHED: f64 = 2.5;
 
 /// One way in which an actuator differs from its model.
@@ -36,7 +38,7 @@ impl Deviation {
 }
 
 /// Time constants that are off, a lower voltage, a supply that loses a tenth by its resistance at a speed of 0.5, delays, and a second
-/// lag.
+/// lag. Chosen: from what an interval allows to beyond it, and delays up to the longest of a real log (26 ms, `docs/diagnosis.md`).
 pub const DEVIATIONS: [Deviation; 12] = [
     Deviation::supply("as the model", 1.0),
     Deviation::by("tau -20 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", -0.2)]),

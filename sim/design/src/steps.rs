@@ -5,11 +5,11 @@ use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model, PlantError};
 use serde::Serialize;
 
-/// A step is followed for so many of the longest time constants of the model.
+/// A step is followed for so many of the longest time constants of the model. Derived: `e^-12`, 6e-6 of the step, is left.
 const FOLLOWED: f64 = 12.0;
-/// A way of a smaller share of the response is rounding: nothing moves.
+/// A way of a smaller share of the response is rounding: nothing moves. Chosen: far above a double's rounding, far below a step.
 const MOVES: f64 = 1e-9;
-/// Share of the step around its end within which the response has settled.
+/// Share of the step around its end within which the response has settled. Standard: the 5 % settling time, three time constants of a lag.
 const SETTLED: f64 = 0.05;
 
 /// A step of the flight controller's command at a nominal command, without and with a compensator.
@@ -128,7 +128,7 @@ impl StepResponse {
             return Self::NONE;
         }
         let parts = || responses.iter().map(|response| (response - start) / (end - start));
-        // Between two ticks the response is all but straight.
+        // Between two ticks the response is all but straight. Standard: a rise is from 10 to 90 %.
         let first = |level: f64| {
             let after = parts().position(|part| part >= level)?;
             let (low, high) = (parts().nth(after.checked_sub(1)?)?, parts().nth(after)?);

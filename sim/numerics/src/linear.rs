@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// What is larger has a square that is no number.
+/// Entries from here on are refused. Derived: 1e8 squares of 1e150 add up to 1e308, near the largest double.
 const LARGEST: f64 = 1e150;
 
 /// The shortest `x` that brings `matrix x` nearest to `right`, without the directions whose singular value is below `least`.

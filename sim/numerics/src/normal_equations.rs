@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Least value of the scale of damping, as a share of its largest one: below there is the rounding of inexact derivatives.
+/// Least value of the scale of damping, as a share of its largest one: below there is the rounding of inexact derivatives. Derived: it is a
+/// derivative of a millionth of the largest one, squared.
 const LEAST_SHARE: f64 = 1e-12;
 
 /// Diagonal of the normal matrix without values below its rounding: a scale by which [`damped_step`] may damp.

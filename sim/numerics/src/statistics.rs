@@ -21,7 +21,7 @@ pub fn f_upper_tail(ratio: f64, dof: f64, noise_dof: f64) -> f64 {
     if ratio.is_nan() || ratio <= 0.0 {
         return 1.0;
     }
-    // Beyond a million the denominator is as good as known.
+    // Beyond a million the denominator is as good as known: its standard deviation is sqrt(2 / 1e6), 0.14 %.
     let noise_dof = noise_dof.min(1e6);
     // The library's own tail unwraps; this is the same function with the error in hand.
     checked_beta_reg(0.5 * noise_dof, 0.5 * dof, noise_dof / (noise_dof + dof * ratio)).unwrap_or(1.0)

@@ -2,9 +2,10 @@
 
 use rotorlead_numerics::sample::median;
 
-/// A score from which on a number stands out. Of normal numbers one in 2000 does.
+/// A score from which on a number stands out. Standard: Iglewicz and Hoaglin, 1993. Of normal numbers one in 2000 does.
 pub const OUTLYING_SCORE: f64 = 3.5;
-/// Numbers below which nothing is scored: their spread is not known.
+/// Numbers below which nothing is scored: their spread is not known. Chosen: a median deviation of eight withstands three bad ones
+/// and scatters by 40 % already.
 pub const FEWEST_SCORED: usize = 8;
 
 /// `0.6745 = Phi^-1(3/4)`, which makes the median of absolute deviations a standard deviation.

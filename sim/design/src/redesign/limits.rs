@@ -16,8 +16,9 @@ use serde::Serialize;
 
 use rotorlead_identify::frequency_response::bandwidth::THREE_DB;
 
-/// Frequencies are searched from this part of the highest one on, in steps of this factor.
+/// Frequencies are searched from this part of the highest one on. Chosen: four decades below the bandwidth a lead amplifies nothing.
 const LOWEST_PART: f64 = 1e-4;
+/// Factor from one of them to the next. Chosen: a frequency known to 1 %, by some 900 of them.
 const FACTOR: f64 = 1.01;
 
 /// A bound of the command at one nominal command.
@@ -89,7 +90,8 @@ impl Bound {
         let asked = |omega: f64| self.asked(amplitude * lead(omega).norm(), omega);
         let highest = omegas().chain([bandwidth_rad_s]).map(asked).fold(0.0, f64::max);
         let needed = |omega: f64| self.asked(THREE_DB * amplitude * (actuator(0.0) / actuator(omega)).norm(), omega);
-        // It grows with the frequency; far above all bandwidths it is passed by any bound that is one.
+        // It grows with the frequency; far above all bandwidths it is passed by any bound that is one. A billionth of 100 rad/s takes some
+        // 40 halvings.
         let (mut low, mut high) = (0.0, 1e6);
         while high - low > 1e-9 * high {
             let middle = 0.5 * (low + high);

@@ -17,25 +17,34 @@ use rotorlead_numerics::sample::{mean, median};
 
 use super::problem::{AlignmentProblem, DELAY, GAIN};
 
-/// How long the changes of a speed take, and longer than stamps wait for each other, seconds.
+/// Length of a block, seconds: a change of speed takes as long, and stamps wait for each other for less. Chosen: shorter blocks split a
+/// change, longer ones leave fewer of them to measure the scatter by.
 const BLOCK_S: f64 = 1.0;
-/// Fewer rows than that are no second.
+/// Fewest rows of a block. Chosen: ten leave 8 degrees of freedom to the variance of its delay; with fewer rows in a second a change of
+/// speed is not resolved.
 const LEAST_ROWS: usize = 10;
-/// Half the width of the wider slope, in rows: its rows are others than those of the slope.
+/// Half the width of the wider slope, in rows. Derived: from 2 on its rows are others than those of the slope, where rows are even; the
+/// third is for stamps that jitter.
 const WIDER: f64 = 3.0;
-/// Where slope and wider slope agree less than this, by their correlation coefficient, there is nothing but noise.
+/// Least correlation coefficient of slope and wider slope; below it, the block is noise. Chosen: the standard error of a delay goes with
+/// one over the correlation and is three times that of a clean slope here; a weaker instrument has no reliable variance.
 const AGREE: f64 = 0.3;
-/// A standard error beyond this is no delay, seconds.
+/// Largest standard error of a block's delay, seconds. Chosen: about the shortest lag of a rotor; a block at the bound has little weight
+/// beside one that is known to some milliseconds, so that twice the bound changes the line little.
 const VAGUE_S: f64 = 0.02;
-/// With fewer seconds that have an estimate, the line is left to least squares.
+/// Fewest blocks for the robust line; with fewer, least squares over all rows gives it. Chosen: six leave the line 4 degrees of freedom,
+/// and their median withstands two bad ones.
 const LEAST_BLOCKS: usize = 6;
-/// Tukey's constant: 95 % of the efficiency of least squares where nothing is wrong.
+/// Tuning constant of Tukey's biweight, standard deviations. Standard (Maronna, Martin, Yohai): 95 % of the efficiency of least squares
+/// where all errors are normal.
 const TUKEY: f64 = 4.685;
-/// Of a normal distribution's standard deviation to the median of its absolute values.
+/// Standard deviation of a normal distribution over the median of its absolute values. Derived: `1 / Phi^-1(3/4)`.
 const OF_MEDIAN: f64 = 1.4826;
-/// Each brings the line nearer to where the delays of the seconds are zero.
+/// Passes: each brings the line nearer to where the delays of the blocks are zero. Chosen: the delays are linear in the line near its end,
+/// so that a few passes settle it and more cost only time.
 const ROUNDS: usize = 12;
-/// Reweightings in each.
+/// Reweightings in each pass. Chosen: they converge by a constant factor each, and the next pass goes on where one ends; more cost only
+/// time.
 const REWEIGHTINGS: usize = 20;
 
 /// Delay and skew with their standard errors.

@@ -22,17 +22,22 @@ pub(super) struct Candidate {
     pub(super) correlation: f64,
 }
 
-/// Cells of the finest grid.
+/// Most cells of a grid. Chosen: two logs of ten minutes then have cells of 18 ms, still below a rotor's lag; twice as many cells take
+/// twice the time.
 const MOST_CELLS: f64 = 65_536.0;
-/// How far the ends of a log may be blurred by skews between those that are tried, seconds: less than a rotor's lag.
+/// How far the ends of a log move from one skew that is tried to the next, seconds. Chosen: less than a rotor's lag, over which a
+/// correlation falls; half of it takes twice the time.
 const BLUR_S: f64 = 0.02;
-/// The part of the shorter log that must be in common.
+/// Least share of the shorter log that both have in common. Chosen: short overlaps correlate by chance; a larger share refuses logs that
+/// were started apart.
 const LEAST_SHARE: f64 = 0.5;
-/// Delays closer than this are in the same basin, seconds.
+/// Delays closer than this are in the same basin, seconds. Chosen: about a rotor's lag; a smaller bound fits one basin twice, a larger one
+/// hides a rival.
 const APART_S: f64 = 0.1;
-/// A correlation below this share of the best one is no candidate.
+/// Least correlation of a candidate, as a share of the best one. Chosen: a fit decides between candidates; nearer to 1 the right one may
+/// be lost, lower only costs fits.
 const WORTH: f64 = 0.8;
-/// Candidates kept.
+/// Most candidates kept. Chosen: each costs a fit; fewer may lose the right one where a command nearly repeats.
 const MOST: usize = 4;
 
 /// A log on the grid: sums of what falls into each cell are means; empty cells are masked.
@@ -75,6 +80,7 @@ pub(super) fn candidates(
 ) -> Vec<Candidate> {
     let ((from_s, to_s), (start_s, end_s)) = (command.span_s(), response.span_s());
     let span_s = (to_s - from_s) + (end_s - start_s);
+    // Chosen: with two rows to a cell, rows that jitter leave none empty.
     let cell_s = (2.0 * response.interval_s()).max(span_s / MOST_CELLS);
     let cells = |length_s: f64| (length_s / cell_s) as usize + 2;
     let commands = cells(to_s - from_s);
@@ -119,6 +125,7 @@ pub(super) fn candidates(
     found.sort_by(|a, b| b.correlation.total_cmp(&a.correlation));
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in found {
+        // Chosen: the top of a correlation is a few cells wide.
         let apart = |k: &Candidate| (k.delay_s - candidate.delay_s).abs() > APART_S.max(3.0 * cell_s);
         if kept.len() < MOST && kept.iter().all(apart) {
             kept.push(candidate);
@@ -232,7 +239,7 @@ impl Correlator {
                 }
                 let covariance = suy[k] - su[k] * sy[k] / n[k];
                 let (vu, vy) = (suu[k] - su[k] * su[k] / n[k], syy[k] - sy[k] * sy[k] / n[k]);
-                // Below this share of the sums it is rounding.
+                // Below this share of the sums it is rounding: 1e-16 for each of some 1e5 terms, and a margin.
                 if vu > 1e-9 * suu[k] && vy > 1e-9 * syy[k] { covariance / (vu * vy).sqrt() } else { 0.0 }
             })
             .collect()

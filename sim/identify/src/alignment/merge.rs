@@ -30,7 +30,7 @@ pub struct Merged {
     pub gaps: usize,
 }
 
-/// Fewest rows that are a record.
+/// Fewest rows of a merged record. Chosen: as many as two logs need in common to be aligned.
 const LEAST_ROWS: usize = 50;
 
 /// Puts both logs on the command's clock, moved together by the delay: what comes out shows `keep_s` of dead time, zero

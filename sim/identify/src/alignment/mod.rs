@@ -62,9 +62,11 @@ pub struct AlignmentOptions {
     pub max_skew: Option<f64>,
 }
 
-/// More than any oscillator is off by.
+/// Greatest skew that is searched where a command drives a response. Standard, by data sheets: a quartz is off by 1e-4 at most, a ceramic
+/// resonator by up to this. An RC oscillator, off by 1e-2 and more, needs `max_skew`.
 pub const MAX_SKEW: f64 = 5e-3;
-/// More than loggers were seen to be off by that count their rows and not their time: 1 in 12.
+/// Greatest skew that is searched where both logs have the response: of loggers that count their rows and not their time. Chosen: nearly
+/// half more than the 1 in 12 that one was seen to be off by (`docs/identification.md`).
 pub const MAX_SKEW_OF_RESPONSES: f64 = 0.12;
 
 impl Default for AlignmentOptions {
@@ -169,21 +171,23 @@ impl Alignment {
     }
 }
 
-/// Fewest rows in common.
+/// Fewest rows in common. Chosen: six for each of at most 8 parameters; fewer leave the color of the noise and the intervals to chance.
 const LEAST_ROWS: usize = 50;
-/// Time constants to begin with, seconds: those of small and of large rotors.
+/// Time constants to begin with, seconds: those of small and of large rotors. Chosen: a factor of two about both covers 15 to 240 ms.
 const STARTS_S: [f64; 2] = [0.03, 0.12];
-/// Enough to tell which start is in the right basin.
+/// Limits of the fits from each start. Chosen: enough to tell which one is in the right basin; the best one is then fitted to the end.
 const FIRST_LOOK: Limits = Limits { iterations: 8, decrease: 1e-3 };
-/// A row that a change passes leaves the search zigzagging by ever less; this moves nothing by a hundredth of its
-/// standard error.
+/// Limits of the fit. A row that a change passes leaves the search zigzagging by ever less. Derived: a step below `decrease` moves no
+/// parameter of `n` rows by more than `sqrt(1e-8 n)` of its standard error, a hundredth at 10 000 rows. Chosen: a search that needs more
+/// than 100 steps is refused.
 const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-8 };
-/// Gains further from zero than this, in the sense of Wald's chi-square, are no chance, the search over all shifts included.
+/// Least Wald chi-square of the gains of logs that are related. Derived: at 3 degrees of freedom chance passes it with 6e-13, and with less
+/// than 1e-5 anywhere in a search over 1e7 shifts and skews.
 const RELATED: f64 = 60.0;
 /// Two meters of one response agree to this % fit or better: those of two real pairs of logs to 94.5 and 95.2, and the staircases of
 /// two different motors to 82.
 const SAME_RUN_PERCENT: f64 = 90.0;
-/// A standard error beyond this is no delay, seconds.
+/// Largest standard error of a delay, seconds. Chosen: its 95 % interval reaches 0.1 s to either side, as far as the lag of a large rotor.
 const VAGUE_S: f64 = 0.05;
 
 /// Finds delay and skew.
@@ -239,6 +243,7 @@ pub fn align(
             s.parameters[DELAY] - problem.skew(&s.parameters) * problem.reference_s
         };
         let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
+        // Chosen: within three time constants a lag makes up for a delay, and both are one minimum.
         let apart =
             (first_s - second_s).abs() > 3.0 * problem.time_constant_s(&solution.parameters).max(response.interval_s());
         if apart && rivals::alike((&problem, &solution), (&rival, &found)) {
@@ -326,6 +331,7 @@ fn powers(drive: &CommandSignal) -> usize {
     }
     let mut levels: Vec<f64> = Vec::new();
     for &v in &drive.values {
+        // Of a range from -1 to 1. Chosen: levels within a hundredth of the range show no curvature.
         if levels.iter().all(|level| (level - v).abs() > 0.02) {
             levels.push(v);
             if levels.len() > MOST_POWERS {
@@ -341,7 +347,7 @@ fn first_look(problem: &AlignmentProblem<'_>, part: &Overlap, candidate: &Candid
     let mut best: Option<Solution> = None;
     let starts_s = if problem.lag_index().is_some() { &STARTS_S[..] } else { &[0.0] };
     for &tau_s in starts_s {
-        // The correlation peaks at the delay and most of the lag together.
+        // The correlation peaks at the delay and most of the lag together. Chosen: 0.7 of it, which the fit corrects.
         let mut start = vec![0.0; problem.parameters()];
         start[DELAY] = part.delay_s - 0.7 * tau_s;
         if let Some(lag) = problem.lag_index() {
@@ -353,6 +359,7 @@ fn first_look(problem: &AlignmentProblem<'_>, part: &Overlap, candidate: &Candid
         let columns = problem.regressors(&start)?;
         let normal = columns.tr_mul(&columns);
         let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
+        // Columns are of the size of one: what is below 1e-9 is rounding, as of an initial state that has gone.
         let linear = rotorlead_numerics::linear::solve(normal, &right, 1e-9)?;
         let (of_rows, initial) = linear.as_slice().split_at(1 + problem.powers);
         start[GAIN - 1..GAIN + problem.powers].copy_from_slice(of_rows);
@@ -381,6 +388,7 @@ fn refined(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution
 fn whitened(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution> {
     problem.color.clear();
     let mut solution = minimize(problem, start, LIMITS)?;
+    // Chosen: the second color is that of the residual of a whitened fit, free of the bias of the first one; a third costs a fit more.
     for _ in 0..2 {
         let at = solution.parameters.clone();
         let mut residuals = vec![0.0; problem.count()];
@@ -421,6 +429,7 @@ fn judged(
         let index = problem.skew_index();
         let std =
             solution.unit_covariance.as_ref().map(|c| (c[(index, index)] * white_variance(&problem, &solution)).sqrt());
+        // Chosen: two standard errors to either side are then more than all that is searched.
         if std.is_none_or(|std| std > 0.5 * max_skew) {
             let mut start = solution.parameters.clone();
             start.remove(index);
@@ -465,6 +474,7 @@ fn judged(
     });
     let row_s = response.interval_s();
     if time_constant_s.is_some_and(|tau_s| tau_s.value < row_s) {
+        // Derived: anywhere within a row alike, which has a standard deviation of the row over sqrt(12).
         warnings.push(AlignmentWarning::ShortLag { row_s });
         delay_s.std = delay_s.std.hypot(row_s / 12f64.sqrt());
     }

@@ -26,11 +26,11 @@ pub(super) const DELAY: usize = 0;
 const OFFSET: usize = 1;
 /// The first of the gains. Behind the last are the skew, the logarithm of the time constant, and the initial condition, each where it is fitted.
 pub(super) const GAIN: usize = 2;
-/// Powers of the command at most.
+/// Highest power of the command. Chosen: thrust goes with the square, and a cubic takes its bend; a delay needs no better map.
 pub(super) const MOST_POWERS: usize = 3;
 
-/// Ties the initial state to zero by a thousand times the response's own scale: it has gone before the first whitened row
-/// where the noise has a long memory, and would else leave the problem without a solution.
+/// Weight of a Gaussian prior that holds the initial state at zero: without it a state that has gone before the first whitened row leaves
+/// the problem without a solution. Chosen: it counts as a millionth of the first row and moves no state that rows show.
 const START_TIE: f64 = 1e-3;
 
 /// The data and what is held fixed.
@@ -98,6 +98,7 @@ impl AlignmentProblem<'_> {
         let skew = self.skew(p);
         let times = self.time_s.iter().map(|t| self.reference_s - p[DELAY] + (t - self.reference_s) / (1.0 + skew));
         match self.lag_index() {
+            // Chosen: far beyond any clock, and time still runs forward.
             _ if skew.abs() >= 0.5 => false,
             Some(lag) => self.march_lagged(p[lag].exp(), times, visit),
             None => {
@@ -113,6 +114,7 @@ impl AlignmentProblem<'_> {
         times: impl Iterator<Item = f64>,
         mut visit: impl FnMut(usize, f64, &LagState),
     ) -> bool {
+        // Chosen: far beyond any rotor to either side, so that the exponentials stay numbers.
         if !(tau > 1e-6 && tau < 1e3) {
             return false;
         }

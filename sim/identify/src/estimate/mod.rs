@@ -6,7 +6,8 @@ use rotorlead_numerics::statistics::t_quantile;
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
-/// Relative standard error above which a time constant is not known.
+/// Relative standard error above which a time constant is not known. Derived: its 95 % interval is a factor of exp(1.96 x 0.35) = 2 to
+/// either side.
 pub(crate) const MAX_RELATIVE_STD: f64 = 0.35;
 
 /// An estimated parameter.

@@ -10,13 +10,14 @@
 
 use rotorlead_numerics::sample::{extent, median};
 
-/// Rows on a limit; fewer are chance.
+/// Fewest rows on a limit. Chosen: fewer come of chance, more leave limits unseen that are met for a moment.
 pub(crate) const FEWEST_ROWS: usize = 10;
-/// How many times as often as the next value the limit comes up.
+/// How many times as often as the next value the limit comes up, at least. Derived: twice the 2.4 times that rounding makes at a peak.
 pub(crate) const TIMES_THE_NEXT: usize = 5;
-/// Rows in a row on the same extreme value.
+/// Fewest rows in a row on the same extreme value. Derived: a peak between two rows gives two alike; three need a cut or a coarse sensor.
 const FEWEST_ROWS_OF_A_PEAK: usize = 3;
-/// A cut peak falls by at least this share of its height within two rows of its flat part.
+/// A cut peak falls by at least this share of its height within two rows of its flat part. Chosen: five steps of a sensor of 8 bits; with
+/// less, rounding looks like a cut, with more, a slow blow that is cut passes.
 const STEEP: f64 = 0.02;
 
 /// A limit that a column stands on.

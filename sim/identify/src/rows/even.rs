@@ -18,12 +18,15 @@ use super::gaps::{rows_after_intervals, usual_interval_s};
 use crate::error::IdentifyError;
 use crate::rows::columns;
 
-/// Even rows per row of the log.
+/// Even rows per row of the log. Chosen: the held command is off by 0.5 % at the highest frequency then; twice as dense, by 0.1 %, with the
+/// response off by 1.8 % all the same.
 const DENSER: usize = 4;
 /// An interval this many times the usual one is a gap, in which rows were lost and the command is not known. A script that was kept
-/// waiting for a moment held it meanwhile.
+/// waiting for a moment held it meanwhile. Chosen: scripts often wait for less, and through more the response is
+/// unknown too.
 const LONGEST_WAIT: f64 = 10.0;
-/// The highest frequency that even rows show as it was, as a share of the log's rows per second.
+/// The highest frequency that even rows show as it was, as a share of the log's rows per second. Derived: up to it command and response are
+/// off by under 3 % together, by the formulas above; the response's part goes with the fourth power.
 pub(crate) const HIGHEST_OF_UNEVEN_RATE: f64 = 0.15;
 
 /// Rows that come after a gap.

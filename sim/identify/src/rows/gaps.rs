@@ -2,7 +2,8 @@
 
 use rotorlead_numerics::sample::median;
 
-/// An interval longer than this many usual ones is a gap. One lost row makes two of them, which a clock that jitters does too.
+/// An interval longer than this many usual ones is a gap. Derived: two lost rows make three of them; one makes two, which a clock that
+/// jitters does too.
 pub(crate) const GAP_INTERVALS: f64 = 2.5;
 
 /// The median interval between rows, seconds; `None` for fewer than two rows, or where half of the times or more stand still.

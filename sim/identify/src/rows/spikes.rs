@@ -5,15 +5,15 @@ use rotorlead_numerics::sample::median;
 /// Rows on each side of a reading that it is compared with. A median of nine rides over four bad
 /// readings in a row and leaves any monotone transient as it is.
 const HALF_WIDTH: usize = 4;
-/// A spike is further from the median of its neighbors than this many standard deviations...
+/// A spike is further from the median of its neighbors than this many standard deviations... Derived: one reading in 5e8 of normal noise.
 const STDS: f64 = 6.0;
-/// ...and than this share of that median. A rotor changes by less in the time of a reading or two and
-/// never goes back at once.
+/// ...and than this share of that median. A rotor changes by less in the time of a reading or two and never goes back at once. Chosen: it
+/// decides alone where most readings stand still; less removes steps of a coarse sensor, more leaves spikes in.
 const SHARE: f64 = 0.05;
 
 /// The response with spikes replaced by the median of their neighbors, and which rows those are.
 ///
-/// Hampel's filter: the standard deviation is 1.4826 times the median of all distances from the running
+/// Hampel's filter: the standard deviation is 1.4826, which is `1 / Phi^-1(3/4)`, times the median of all distances from the running
 /// median (Pearson 2002, Outliers in process modeling and identification), so the spikes themselves do
 /// not widen it.
 pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {

@@ -70,7 +70,8 @@ pub fn fit_offset_and_initial_state(
         r1 += error * e;
     }
     let determinant = n as f64 * s2 - s1 * s1;
-    // Singular when the record is much shorter than the lag: then only an offset can be identified.
+    // Singular when the record is much shorter than the lag: then only an offset can be identified. Derived: at 1e-9 the decay varies by
+    // 3e-5 of itself over the rows.
     if determinant > 1e-9 * n as f64 * s2 {
         ((s2 * r0 - s1 * r1) / determinant, (n as f64 * r1 - s1 * r0) / determinant)
     } else {

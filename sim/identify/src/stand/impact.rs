@@ -32,17 +32,19 @@ use crate::frequency_response::{FrequencyResponse, ResponseLine};
 use crate::rows::columns;
 use crate::spectra;
 
-/// Lines to either side that the noise is pooled over.
+/// Lines to either side that the noise is pooled over. Chosen: a single blow keeps 13 - 1 - 4 = 8 degrees of freedom, where a fit needs 3;
+/// a wider window holds more of a resonance than the local model can follow.
 const HALF_WIDTH: usize = 6;
 
-/// Complex parameters of the local rational model.
+/// Complex parameters of the local rational model. Derived: `b_0`, `b_1`, `b_2` and `a`.
 const LOCAL_PARAMETERS: usize = 4;
 
-/// The tail that must be quiet: a tenth of the record.
+/// The tail that must be quiet: a tenth of the record. Chosen: a shorter one has few rows to compare, a longer one meets the blow itself.
 const TAIL: usize = 10;
 
 /// A record is a blow when its force is concentrated: `(sum u^2)^2 / (n sum u^4)` is below this share. It is 2/3 for a
-/// chirp, 1/3 for noise, and about the blow's share of the record for a blow.
+/// chirp, 1/3 for noise, and about the blow's share of the record for a blow. Chosen: six times below noise, and a blow of a twentieth
+/// of its record is a long one.
 const CONCENTRATED: f64 = 0.05;
 
 /// Whether the record's force is a blow.
@@ -72,6 +74,7 @@ pub(super) fn response(
         if response.len() != rows {
             return Err(unlike("another number of rows").into());
         }
+        // Chosen: times are rounded by less over a record; lines of rates further apart are not the same.
         if (rate_hz / first_rate_hz - 1.0).abs() > 1e-6 {
             return Err(unlike("another row rate").into());
         }
@@ -97,6 +100,7 @@ pub(super) fn response(
     let first = *bins.start();
     let force: Vec<f64> = bins.clone().map(|bin| blows.iter().map(|(u, _)| u[bin].norm_sqr()).sum()).collect();
     let strongest = force.iter().fold(0.0, |a: f64, b| a.max(*b));
+    // Chosen: 1e-8 of the strongest amplitude is rounding of the record's digits.
     if let Some(index) = force.iter().position(|power| *power <= 1e-16 * strongest) {
         return Err(StandError::NoForce { frequency_hz: (first + index) as f64 * bin_hz }.into());
     }
@@ -170,13 +174,16 @@ fn residual_power(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
             .map(|row| (weight[row] * denominator(row)).powi(2) * (1.0 - orthonormal.row(row).norm_squared()))
             .sum();
         let largest = (0..others.len()).map(denominator).fold(0.0, f64::max);
-        // A pole on a line would rule alone.
+        // A pole on a line would rule alone. Chosen: no line counts more than 50 times as much as another.
         weight = (0..others.len()).map(|row| denominator(row).max(0.02 * largest).recip()).collect();
     }
     left / expected
 }
 
 /// Whether the tenth before the last is clearly louder than the last: a response that has died away is noise in both.
+///
+/// Chosen: white noise passes the ratio of 1.5 in 2 % of records with 100 rows in a tenth and in 3e-5 with 400 (F); a response that falls
+/// by less than 18 % in a tenth of the record is missed. Tenths of fewer than 16 rows have no power to compare.
 fn still_rings(response: &[f64]) -> bool {
     let length = response.len() / TAIL;
     if length < 16 {

@@ -31,6 +31,7 @@ pub(super) fn measure(experiment: &Experiment, band_hz: (f64, f64)) -> Result<St
         }
     }
     let rate_hz = columns::row_rate_hz(first, experiment.sample_rate_hz)?;
+    // Chosen: above nine tenths of half the rate, loggers filter or alias.
     let band_hz = (band_hz.0, band_hz.1.min(0.45 * rate_hz));
     let blows: Vec<&Record> =
         records.iter().copied().filter(|r| r.excitation == Excitation::Free && impact::is_blow(r)).collect();

@@ -44,15 +44,17 @@ pub enum SteadySource {
     Ramp,
 }
 
-/// Bins of the command's range that a ramp is cut into.
+/// Bins of the command's range that a ramp is cut into. Chosen: many points for at most 8 parameters; wider bins blur a bend, narrower ones
+/// have few rows.
 const BINS: usize = 40;
-/// Rows of a bin that is used.
+/// Fewest rows of a bin that is used. Chosen: its variance, of 7 differences, is known to about a half, and with fewer rows not even that.
 const ROWS_PER_BIN: usize = 8;
-/// A ramp has at most as many changes of direction.
+/// A ramp has at most as many changes of direction. Chosen: four times up and down; a multisine turns tens of times.
 const REVERSALS: usize = 8;
-/// And moves in at least this share of its rows.
+/// And moves in at least this share of its rows. Chosen: steps move in a few rows of a hundred, a ramp in nearly all but for its rounding.
 const MOVING: f64 = 0.5;
-/// Below this share of the highest response the motor stands still.
+/// Below this share of the highest response the motor stands still. Chosen: above the offset of a load cell; a tenth of the highest speed
+/// has as much of the thrust, so that a motor that idles slower may be taken for still.
 const STILL_SHARE: f64 = 0.01;
 
 impl SteadyPoints {
@@ -105,6 +107,7 @@ impl SteadyPoints {
                 let all = find_plateaus(record, output, &runs[0].clean);
                 let highest = plateaus().map(|p| p.mean).fold(0.0, f64::max);
                 let lowest = plateaus().map(|p| p.command).fold(1.0, f64::min);
+                // Chosen: four standard errors, 3e-5 of a normal distribution, above which a level runs.
                 let stands = |p: &&Plateau| {
                     p.is_long(&record.time_s)
                         && p.command < lowest
@@ -131,7 +134,7 @@ impl SteadyPoints {
         let point = |(&command, &response): (&f64, &f64)| {
             let direction = if command < before { Direction::Down } else { Direction::Up };
             before = command;
-            // All alike: the table does not say better.
+            // All alike: the table does not say better. Chosen: a percent of the highest; the fit scales it by what it leaves.
             SteadyPoint { command, direction, response, std: STILL_SHARE * highest }
         };
         let running: Vec<SteadyPoint> = rows().map(point).filter(|point| !stands(point.response)).collect();
@@ -209,5 +212,6 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
             start = row;
         }
     }
+    // As many levels as a static map needs.
     (points.len() >= 4).then_some(SteadyPoints { running: points, still, source: SteadySource::Ramp })
 }

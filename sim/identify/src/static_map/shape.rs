@@ -50,6 +50,7 @@ impl MapTerms {
 
     /// Derivatives of [`Self::response`] in the middle of both directions by the parameters, by central differences.
     pub(super) fn gradient(&self, p: &[f64], command: f64) -> Vec<f64> {
+        // Derived: near the cube root of the rounding unit, 6e-6, rounding and the cubic term balance; 1e-3 is for parameters near zero.
         (0..p.len())
             .map(|j| {
                 let step = 1e-6 * p[j].abs().max(1e-3);
@@ -96,20 +97,24 @@ impl Residuals for MapProblem<'_> {
         for ((out, point), std) in out.iter_mut().zip(self.points).zip(self.std) {
             *out = (self.shape.response(p, point.command, Some(point.direction)) - point.response) / std;
         }
+        // Chosen: twice the range of commands, and a hysteresis of half of it; beyond, the search has run away.
         self.shape.limit_index().is_none_or(|k| (0.0..=2.0).contains(&p[k]))
             && self.shape.hysteresis_index().is_none_or(|k| p[k].abs() < 0.5)
     }
 
+    /// Chosen: widths and limits in command are of the order of a percent.
     fn typical(&self, index: usize) -> f64 {
         if index <= self.shape.degree { self.scale } else { 0.01 }
     }
 }
 
-/// Where the limit is looked for, as shares of the range of commands: a third of it at the top.
+/// Where the limit is looked for, as shares of the range of commands: a third of it at the top. Chosen: closer together toward the top,
+/// where a limit cuts off few levels; the kink keeps a search between the levels where it starts.
 const LIMIT_STARTS: [f64; 6] = [0.66, 0.74, 0.81, 0.87, 0.92, 0.97];
 
 /// The least-squares fit of a shape; `None` where the points do not determine it.
 pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Option<Solution> {
+    // Derived: two degrees of freedom are left, at which a 95 % interval is 4.3 standard errors to either side; at one it is 12.7.
     if points.len() < shape.parameter_count() + 2 {
         return None;
     }
@@ -127,6 +132,7 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Optio
             ((points[row].command.min(limit) - shape.center) / shape.half_range).powi(j as i32) / std[row]
         });
         let right = nalgebra::DVector::from_fn(points.len(), |row, _| points[row].response / std[row]);
+        // Chosen: beneath 1e-12 a singular value is rounding.
         let linear = rotorlead_numerics::linear::solve(columns, &right, 1e-12)?;
         let mut start = vec![0.0; shape.parameter_count()];
         start[..=shape.degree].copy_from_slice(linear.as_slice());

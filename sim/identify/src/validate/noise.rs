@@ -17,10 +17,11 @@ use crate::spectra;
 
 /// A level has settled after this many time constants: e^-7 of the step, a thousandth, is left.
 const SETTLED_TIME_CONSTANTS: f64 = 7.0;
-/// Fewer settled rows have no spectrum worth the name.
+/// Fewest settled rows of a level. Chosen: 16 have 7 bins, barely enough for a spectrum; more would leave out short levels.
 const FEWEST_ROWS: usize = 16;
 
-/// What is less than this part of the response is the rounding of its numbers.
+/// What is less than this part of the response is the rounding of its numbers. Chosen: below the digits of any log, above the rounding of
+/// a simulation.
 const ROUNDING: f64 = 1e-9;
 
 /// Whether noise of this variance shows in a response: a sensor of coarse steps, or one that was computed, stands still where it
@@ -29,6 +30,7 @@ pub(super) fn shows(variance: f64, response: &[f64]) -> bool {
     let step = response.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
     let step = step.fold(f64::INFINITY, f64::min);
     let largest = response.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    // Derived: rounding to steps is uniform, with a variance of a twelfth of their square.
     variance > (step * step / 12.0).max((ROUNDING * largest).powi(2))
 }
 

@@ -35,7 +35,7 @@ impl ResidualPower {
     /// of freedom of each. Neighbors share them, so that all lines have as many as there are windows of pooling.
     pub(super) fn at_lines(lines: &[SpectralLine], expected: &[Complex64]) -> Option<Self> {
         let largest = lines.iter().map(|line| line.ratio().norm()).fold(0.0, f64::max);
-        // The rounding of what has no noise.
+        // The rounding of what has no noise. Chosen: 1e-8, about the square root of a double's rounding unit.
         let rounding = (1e-8 * largest).powi(2);
         let weighted = |(line, expected): (&SpectralLine, &Complex64)| {
             (line.ratio() - expected).norm_sqr() / line.ratio_variance().max(rounding)
@@ -43,6 +43,7 @@ impl ResidualPower {
         let count = lines.len() as f64;
         let left = lines.iter().zip(expected).map(weighted).sum::<f64>() / count;
         let line_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
+        // Derived: `v / (v - 2)` is 5 at 2.5 and has no end at 2; below, the ratio is judged as mildly as at 2.5.
         let inflation = if line_dof > 2.5 { 1.0 / (1.0 - 2.0 / line_dof) } else { 5.0 };
         let windows = (2.0 * count / line_dof).max(1.0);
         Self::compute(left, 2.0 * count, inflation, windows * line_dof)

@@ -72,6 +72,7 @@ impl Basis {
         }
         let largest = coefficients.iter().fold(0.0, |a: f64, c| a.max(c.abs()));
         let leading = coefficients[n];
+        // Chosen: above the rounding of a sum, and it puts the root far beyond all lines.
         let leading = if leading.abs() > 1e-12 * largest { leading } else { (1e-12 * largest).copysign(leading) };
         let mut matrix = DMatrix::zeros(n, n);
         for i in 0..n {
@@ -88,6 +89,7 @@ impl Basis {
         if !matrix.iter().all(|value: &f64| value.is_finite()) {
             return None;
         }
+        // Chosen: the QR algorithm takes a few iterations for each of at most 16 roots; the bound ends one that does not converge.
         let roots = Schur::try_new(matrix, f64::EPSILON, 1000)?.complex_eigenvalues();
         Some(roots.iter().copied().collect())
     }

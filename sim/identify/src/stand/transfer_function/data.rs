@@ -23,7 +23,7 @@ impl WeightedLines {
             return Err(ParametricError::NoiseUnknown { degrees_of_freedom });
         }
         let largest = response.lines.iter().map(|line| line.response.norm()).fold(0.0, f64::max);
-        // Lines without noise get the rounding error as their noise.
+        // Lines without noise get the rounding error as their noise. Chosen: 1e-8, about the square root of a double's rounding unit.
         let floor = (1e-8 * largest).powi(2);
         let mut data = Self { omega_rad_s: vec![], response: vec![], weight: vec![] };
         let mut last = 0.0;

@@ -18,7 +18,8 @@ use rotorlead_numerics::statistics::f_upper_tail;
 use super::data::WeightedLines;
 use crate::estimate::uncertainty::NoiseKnowledge;
 
-/// Neighbors of the whiteness test, and lags of the independence test.
+/// Neighbors of the whiteness test, and lags of the independence test. Chosen: dynamics that are left out correlate over a few lines and
+/// show in the first lags; more lags dilute the test, fewer miss a slow change.
 const LAGS: usize = 10;
 
 /// What the residual says of the model. Tail probabilities are small where the model is wrong.
@@ -59,6 +60,7 @@ impl ResidualTests {
 /// scatter of the weights adds.
 fn whiteness(residuals: &[f64], product_inflation: f64) -> f64 {
     let r: Vec<Complex64> = residuals.chunks_exact(2).map(|p| Complex64::new(p[0], p[1])).collect();
+    // Chosen: at the longest lag three quarters of the lines still have a partner.
     let lags = LAGS.min(r.len() / 4);
     let power = r.iter().map(Complex64::norm_sqr).sum::<f64>() / r.len() as f64;
     if lags == 0 || power == 0.0 {
@@ -90,7 +92,7 @@ fn input_independence(data: &WeightedLines, solution: &Solution, inflation: f64,
     let largest = eigen.eigenvalues.max();
     let (mut chi_square, mut rank) = (0.0, 0.0);
     for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        // What the fit has taken out altogether cannot be tested.
+        // What the fit has taken out altogether cannot be tested. Chosen: a thousandth of the longest probe, squared.
         if *value > 1e-6 * largest {
             chi_square += vector.dot(&response).powi(2) / value;
             rank += 1.0;

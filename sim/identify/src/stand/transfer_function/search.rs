@@ -11,10 +11,11 @@ use super::start::{Start, start};
 use super::structure::Structure;
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
-/// thousandth of its standard error.
+/// thousandth of its standard error. Chosen: a search that needs more than 200 steps is taken not to converge.
 const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-9 };
 
-/// Roots start within this factor of the lowest and the highest line.
+/// Roots start within this factor of the lowest and the highest line. Chosen: at its end a root changes a line by a thousandth, which the
+/// search can still follow.
 const REACH: f64 = 1e3;
 
 /// The best model found.
@@ -43,7 +44,8 @@ fn from(data: &WeightedLines, start: &Start) -> Option<BestFit> {
     let stable: Vec<Complex64> = start.poles.iter().map(|pole| Complex64::new(-pole.re.abs(), pole.im)).collect();
     let mut found = run(start.gain, &stable, &start.zeros)?;
     // Two real roots can become a complex pair only within a section. Where the search has moved the neighbor of a root
-    // into another section, they are grouped anew.
+    // into another section, they are grouped anew. Chosen: three times; each ends where nothing is regrouped or gained, and a gain below
+    // 1e-6 of chi-square is far under a standard error.
     for _ in 0..3 {
         let parameters = &found.solution.parameters;
         let (poles, zeros) = (found.sections.poles(parameters), found.sections.zeros(parameters));

@@ -196,6 +196,7 @@ fn clip(roots: &[Complex64], (least, most): (f64, f64)) -> Vec<Complex64> {
 /// Roots by sections: complex ones with their conjugates, real ones with the nearest of the same sign, so that two that
 /// are about to become complex are in one section.
 pub(super) fn group(roots: &[Complex64]) -> Vec<Vec<Complex64>> {
+    // Chosen: what is below is the rounding of an eigenvalue.
     let is_real = |root: &Complex64| root.im.abs() <= 1e-12 * root.norm();
     let mut groups: Vec<Vec<Complex64>> =
         roots.iter().filter(|r| !is_real(r) && r.im > 0.0).map(|r| vec![*r, r.conj()]).collect();

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::ParametricError;
 
-/// The most poles of a model; the search is tried up to here.
+/// The most poles of a model. Chosen: twice the order of the paper's stand; more poles than modes cancel against zeros.
 pub const MOST_POLES: usize = 16;
 
 /// The structure `K (zeros) / (poles)` of a model.
