@@ -321,7 +321,8 @@ pub(crate) fn first_model(
     Ok(base.collect())
 }
 
-/// A lag whose numbers differ by more than this factor from the usual ones is no place to begin: an effect has spoiled it.
+/// A lag whose numbers differ by more than this factor from the usual ones is no place to begin: an effect has spoiled it. Chosen: lags of
+/// the paper's motor differ by 2.3 in all from 0.40 to 0.65. Lower, a wide range of commands is cut; higher, a spoiled lag is taken.
 const UNUSUAL: f64 = 3.0;
 
 /// The medians over all nominal commands.

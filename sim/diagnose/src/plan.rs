@@ -16,31 +16,44 @@ use crate::assess::conditions::{Conditions, StaircaseConditions};
 use crate::assess::verdict::Verdict;
 use crate::outcome::Diagnosis;
 
-/// Rates of a plan where those of the records are too low or do not go together, hertz.
+/// Rate of the loop of a plan where those of the records are too low or do not go together, hertz. Standard: the paper's, and the
+/// controller's own.
 const LOOP_RATE_HZ: u32 = 5000;
+/// And of its rows. Standard: the paper's, a fifth of that.
 const SAMPLE_RATE_HZ: u32 = 1000;
-/// Rows per second that multisines of 225 lines need, and those of 150.
+/// Rows per second that multisines of 225 lines need. Derived: 2.2 in a period of the highest, 44.9 Hz, as residuals are compared up to
+/// 0.45 of the rate.
 const RATE_FOR_45_HZ: f64 = 100.0;
+/// And those of 150. Derived: the same of 29.9 Hz.
 const RATE_FOR_30_HZ: f64 = 66.0;
-/// Rows of a frame that show its images.
+/// Rows of a frame that show its images. Derived: lines are compared up to 1.8 times the frame rate then, beyond the first image on either
+/// side of it.
 const ROWS_PER_FRAME: f64 = 4.0;
-/// Most nominal commands of an experiment that does not need them all.
+/// Most nominal commands of an experiment that does not need them all. Chosen: the ends and the middle. More cost time on the stand.
 const FEW_NOMINALS: usize = 3;
-/// A triangle goes over so many widths of what it is to show.
+/// A triangle goes over so many widths of what it is to show. Chosen: play is taken up in a tenth of the way then, and a dead band makes
+/// ten stairs. Less shows few of them; more leaves the neighborhood of the nominal command.
 const WIDTHS: f64 = 10.0;
-/// The second triangle is larger by this factor, so that it turns elsewhere between the steps of a grid.
+/// The second triangle is larger by this factor, so that it turns elsewhere between the steps of a grid. Chosen: no ratio of small whole
+/// numbers, which would turn at the same place of the next step.
 const OTHER_TURN: f64 = 1.37;
-/// Half the period of a triangle, seconds.
+/// Half the period of a triangle, seconds. Chosen: sixty time constants of a slow motor, 0.16 s, so that its lag does not round the
+/// stairs. Longer costs time on the stand.
 const TRIANGLE_HALF_S: f64 = 10.0;
-/// Most levels of a staircase that is asked for.
+/// Most levels of a staircase that is asked for. Chosen: enough for a map that bends, and up and down within a minute or two. More cost
+/// time on the stand.
 const MOST_LEVELS: usize = 8;
-/// Rows in a time constant that show how a step begins.
+/// Rows in a time constant that show how a step begins. Derived: in a row the response goes a tenth of the step. Fewer do not tell a delay
+/// from a lag; more are harder to log.
 const ROWS_PER_LAG: f64 = 10.0;
-/// Time constants, and seconds, for which a level is held at least.
+/// Time constants for which a level is held at least. Derived: `e^-20` of the step is left, 2e-9, and most of the plateau is settled.
 const HOLD_LAGS: f64 = 20.0;
+/// Seconds for which it is held at least. Chosen: sags and heat show within seconds. Shorter hides them; longer costs time on the stand.
 const LEAST_HOLD_S: f64 = 2.0;
-/// Smallest amplitude that is worth a record, and how much two of one nominal command differ.
+/// Smallest amplitude that is worth a record. Chosen: eight steps of a 12-bit command. Smaller is a record of the grid.
 const SMALLEST_AMPLITUDE: f64 = 0.002;
+/// How much two amplitudes of one nominal command differ. Chosen: 5 %, by which no effect changes that is seen. Lower asks for the same
+/// record twice.
 const SAME_AMPLITUDE: f64 = 1.05;
 
 /// An experiment that is yet to be done.
@@ -65,7 +78,8 @@ impl Conditions {
     }
 }
 
-/// Where the catalog has no answer.
+/// Where the catalog has no answer. Chosen: half and twice the amplitude tell what grows with it; twice as long gives evidence twice as
+/// large.
 const GENERAL: Recipe = Recipe {
     multisines: &[0.5, 1.0, 2.0],
     squares: &[1.0],
@@ -76,7 +90,8 @@ const GENERAL: Recipe = Recipe {
     ..Recipe::PLAIN
 };
 
-/// Where nothing is named.
+/// Where nothing is named. Chosen: the same by half and twice the amplitude alone, with slow triangles: a record as it was is there
+/// already.
 const UNKNOWN: Recipe = Recipe { triangles: true, multisines: &[0.5, 2.0], squares: &[0.5, 2.0], ..GENERAL };
 
 /// What the catalog knows of telling two kinds apart.
@@ -115,6 +130,7 @@ impl Diagnosis {
                  that of chance does not.",
                 self.weak_evidence_in_words()
             );
+            // Evidence grows in proportion to the periods, and four of a multisine are the least of a plan.
             let square_periods = SQUARE_PERIODS * times;
             let recipe = Recipe {
                 squares: &[1.0],
@@ -163,7 +179,7 @@ impl Diagnosis {
         let lag_s = self.model.points.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
         let needed_hz = ROWS_PER_LAG / lag_s;
         let hold_s = (HOLD_LAGS * lag_s).max(LEAST_HOLD_S).max(conditions.hold_s.min(2.0 * LEAST_HOLD_S));
-        // To a tenth of a second, which is a whole number of rows.
+        // What was held for longer is so again, up to twice the least. To a tenth of a second, which is a whole number of rows.
         let hold_s = (10.0 * hold_s).ceil() / 10.0;
         let (low, high) = (conditions.levels[0], conditions.levels[conditions.levels.len() - 1]);
         if is_open {
@@ -229,6 +245,7 @@ impl Diagnosis {
         let (loop_rate_hz, sample_rate_hz) = rates(conditions, recipe.is_fast, frame_hz);
         let lines = if recipe.is_fast && f64::from(sample_rate_hz) >= RATE_FOR_45_HZ { 225 } else { 150 };
         let least = recipe.least_periods;
+        // Chosen: three times the least bounds the time on the stand.
         let periods = (recipe.times_longer * conditions.periods).clamp(least, 3 * least);
         let mut nominals = if recipe.is_reversed { conditions.nominals.clone() } else { conditions.few() };
         if recipe.is_reversed {
@@ -267,6 +284,7 @@ impl Diagnosis {
                 }
             }
             if recipe.triangles {
+                // Chosen: a fifth of the range at most, over which a motor is not what it is around one command.
                 let amplitude = conditions.amplitude.max(WIDTHS * width.unwrap_or(0.0)).min(0.2);
                 for factor in [1.0, OTHER_TURN] {
                     add(nominal, Excitation::Triangle, factor * amplitude, Some(TRIANGLE_HALF_S), SQUARE_PERIODS);
@@ -314,6 +332,7 @@ fn rates(conditions: &Conditions, is_fast: bool, frame_hz: Option<f64>) -> (u32,
     let loop_hz = conditions.command_rate_hz.map_or(rows_hz, f64::round);
     let needed = if is_fast { RATE_FOR_45_HZ } else { RATE_FOR_30_HZ };
     let needed = frame_hz.map_or(needed, |frame_hz| needed.max(ROWS_PER_FRAME * frame_hz));
+    // Whole but for the rounding of stamps; and a loop as fast as controllers have it.
     let is_whole = (conditions.sample_rate_hz - rows_hz).abs() < 1e-6 * rows_hz && loop_hz % rows_hz == 0.0;
     if is_whole && rows_hz >= needed && (50.0..=100_000.0).contains(&loop_hz) {
         return (loop_hz as u32, rows_hz as u32);

@@ -6,7 +6,7 @@ use rotorlead_records::{Experiment, Output};
 use crate::data::dataset::Dataset;
 use crate::likelihood::Likelihood;
 
-/// Levels of a staircase closer than this are one.
+/// Levels of a staircase closer than this are one. Chosen: below any step that is asked for, and above the grid of an ESC, 1/256 at most.
 const SAME_LEVEL: f64 = 0.005;
 
 /// How the records were taken: what more of them have to have in common with them.

@@ -22,7 +22,8 @@ pub struct Gap {
     pub noise_floor: f64,
 }
 
-/// A gap above this is no disagreement of a model with its records: both are not of the same thing.
+/// A gap above this is no disagreement of a model with its records: both are not of the same thing. Chosen: thrust in place of a speed is
+/// off by a thousand, a model of another motor by a few.
 const MOST_GAP: f64 = 100.0;
 
 impl Gap {
@@ -65,9 +66,10 @@ pub struct Residual {
     pub noise_std: f64,
 }
 
-/// How far a logarithm is moved at most for a standard error: a number that is not known at all is no excuse.
+/// How far a logarithm is moved at most for a standard error: a number that is not known at all is no excuse. Chosen: 20 %, where a
+/// prediction is no longer linear in it. Higher excuses any gap of a lag that is not known.
 const FARTHEST_OFF: f64 = 0.2;
-/// Most means of a [`Residual`].
+/// Most means of a [`Residual`]. Chosen: about as many as a figure has dots across.
 const MOST_MEANS: usize = 500;
 
 /// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
@@ -78,6 +80,7 @@ pub(crate) fn residual(
     after: &Hypothesis,
     held_out: bool,
 ) -> Option<Residual> {
+    // Without noise any gap is over it.
     let over = |record: &&RecordGap| record.gap.before / record.gap.noise_floor.max(1e-12);
     let worst = records.iter().max_by(|a, b| over(a).total_cmp(&over(b)))?;
     let record = likelihood.data.records.iter().find(|record| record.file == worst.file)?;

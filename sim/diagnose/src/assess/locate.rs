@@ -10,12 +10,14 @@ use crate::likelihood::Likelihood;
 use crate::likelihood::excess::{Excess, Line, Term};
 use crate::model::hypothesis::Hypothesis;
 
-/// Bands of a decade in the report.
+/// Bands of a decade in the report. Chosen: a factor of 2.2 each, for a table that is read at a glance.
 const BANDS_PER_DECADE: f64 = 3.0;
-/// Records whose amplitudes differ by less than this factor count as one amplitude.
+/// Records whose amplitudes differ by less than this factor count as one amplitude. Chosen: peaks of multisines with other phases differ
+/// by some percent; amplitudes that are meant to differ do by more.
 const SAME_AMPLITUDE: f64 = 1.1;
 
-/// Ranges whose ends are no farther apart than this part of their width are one.
+/// Ranges whose ends are no farther apart than this part of their width are one. Chosen: stamps put the end of a period off by 1e-6 of it,
+/// and no two ranges that differ are so near.
 const SAME_RANGE: f64 = 1e-3;
 
 /// Along what a chi-square is shared out.
@@ -134,6 +136,7 @@ fn are_same(one: (f64, f64), other: (f64, f64)) -> bool {
     apart <= SAME_RANGE * (one.1 - one.0)
 }
 
+/// The band of a frequency. What lies on an edge but for rounding, 1e-9, is above it.
 fn band(hz: f64) -> (f64, f64) {
     let index = (hz.log10() * BANDS_PER_DECADE + 1e-9).floor();
     let edge = |index: f64| 10_f64.powf(index / BANDS_PER_DECADE);

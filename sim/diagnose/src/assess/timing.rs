@@ -1,10 +1,10 @@
 //! Whether the delay varies from step to step (jitter).
 //!
 //! A delay that wanders is to a multisine a low pass, and to its periods noise: on average it looks like a second pole, a slower lag or
-//! frames, and every one of these would be a wrong name. Single changes show it. To first order in the wait `w` of a change, the sum
-//! of squares of the residual grows by `P w^2 + 2 p w` (see [`crate::likelihood::hold_delay`]), so it is answered later than by the hypothesis by
-//! `-p / P`, give or take `1 / sqrt(P)`. What a hypothesis lacks is the same for all changes of a record that go the same way; of their
-//! differences `sum P (w - mean w)^2` is a chi-square where nothing but noise tells them apart.
+//! frames, and every one of these would be a wrong name. Single changes show it. To first order in the wait `w` of a change, the sum of
+//! squares of the residual grows by `P w^2 + 2 p w` (see [`crate::likelihood::hold_delay`]), so it is answered later than by the
+//! hypothesis by `-p / P`, give or take `1 / sqrt(P)`. What a hypothesis lacks is the same for all changes of a record that go the same
+//! way; of their differences `sum P (w - mean w)^2` is a chi-square where nothing but noise tells them apart.
 
 use serde::Serialize;
 use std::fmt;
@@ -17,9 +17,11 @@ use crate::likelihood::hold_delay::frame_s;
 use crate::likelihood::isolated_steps::{IsolatedStep, changes, isolated_steps};
 use crate::model::hypothesis::Hypothesis;
 
-/// Waits that differ by more standard deviations than this beyond chance, and by more than this part of the time constant, are not
-/// those of a delay.
+/// Waits that differ by more standard deviations than this beyond chance, and by more than [`SCATTERED`], are not those of a delay.
+/// Chosen: what a hypothesis lacks adds to the noise of some tens of changes, so that five are not enough. Higher misses jitter.
 const SIGNIFICANT: f64 = 8.0;
+/// The part of the time constant. Chosen: it turns the phase by 0.02 rad at the pole. Lower, long records find the jitter of any
+/// controller; higher, jitter gets the name of a delay.
 const SCATTERED: f64 = 0.02;
 
 /// How much the waits of changes that are alike differ, beyond what noise makes of them.

@@ -17,10 +17,12 @@ use rotorlead_records::{Output, Record as SourceRecord};
 use super::columns::{Column, columns};
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
 
-/// From so many periods on the first one, in which what is slow comes to rest, is left out.
+/// From so many periods on the first one, in which what is slow comes to rest, is left out. Derived: two are needed to tell noise from
+/// what repeats.
 const SETTLED: usize = 3;
-/// Part of a row by which a column may have been taken at another moment than the response: a standard deviation, anew for each
-/// record. Sensors are read one after the other, and filter by themselves.
+/// Part of a row by which a column may have been taken at another moment than the response: a standard deviation, anew for each record.
+/// Sensors are read one after the other, and filter by themselves. Chosen: higher, a column tells no delay from a pole; lower, a logger's
+/// order of reading names one.
 const TAKEN_OFF: f64 = 0.1;
 
 /// A column of a record that repeats.
@@ -115,7 +117,8 @@ impl AuxiliaryChannel {
     }
 }
 
-/// The factors of the sum of these columns that comes nearest. One that never moves has no lines but rounding, and none.
+/// The factors of the sum of these columns that comes nearest. One that never moves has no lines but rounding, and none. Chosen: 1e-6 of
+/// the noise, and singular values below 1e-9, are rounding; anything that counts is orders above either.
 fn nearest(columns: &[Vec<Complex64>], measured: &[Complex64]) -> Option<Vec<f64>> {
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt()).collect();
     let moves: Vec<usize> = (0..columns.len()).filter(|&index| lengths[index] > 1e-6).collect();

@@ -21,13 +21,16 @@ use crate::DiagnoseError;
 use crate::noise::hum;
 use crate::noise::whitening::Whitening;
 
-/// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
+/// Commands closer than this are the same nominal command. Chosen: above rounding, and far below the 2.4e-4 of a 12-bit command.
 const SAME_NOMINAL: f64 = 1e-6;
-/// Rows nearer to each other than this part of the time between two are taken at the same moment.
+/// Rows nearer to each other than this part of the time between two are taken at the same moment. Chosen: above the digits of stamps, and
+/// far below a row; a response moves by a thousandth of what it does from row to row.
 const SAME_ROW: f64 = 1e-3;
-/// Of the periods of a record without a role these many of three are fitted, the rest is held out.
+/// Of the periods of a record without a role these many of three are fitted, the rest is held out. Chosen: two of the usual three. Less
+/// leaves one period, which does not show its noise.
 const FITTED_THIRDS: usize = 2;
-/// A line from row to row stands in for the commands between where it is off by less than this part of any sinusoid.
+/// A line from row to row stands in for the commands between where it is off by less than this part of any sinusoid. Chosen: derivatives,
+/// and so standard errors, may be off by as much; residuals are those of all commands. Lower costs time at slow rows.
 const OFF_LINE: f64 = 0.03;
 
 /// What was before a record.
@@ -270,6 +273,7 @@ impl Record {
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        // Chosen: a tenth of the strongest line leaves a square wave its first nine harmonics, and a multisine all lines, which are alike.
         let highest = lines.iter().rposition(|line| line.norm() > 0.1 * most).unwrap_or(1);
         record.highest_hz = highest as f64 * rate_hz / periods.samples as f64;
         if source.excitation == Excitation::Multisine

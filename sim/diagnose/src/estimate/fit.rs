@@ -13,18 +13,24 @@ use crate::likelihood::Likelihood;
 use crate::model::candidate::{Candidate, slope};
 use crate::model::hypothesis::{Coordinate, Hypothesis};
 
-/// Most steps of a search.
+/// Most steps of a search. Chosen: damped steps that converge end sooner, by what they gain. It bounds those that creep along a valley;
+/// more cost only time.
 pub(crate) const MOST_STEPS: usize = 25;
-/// A search ends where a step gains less than this in the sum of squares: a fifth of what one parameter gains by chance.
+/// A search ends where a step gains less than this in the sum of squares. Derived: a fifth of what one parameter gains by chance, the mean
+/// of a chi-square of one degree of freedom. Lower costs steps that decide nothing.
 const ENOUGH: f64 = 0.2;
-/// Standard deviations of an interval of 95 %.
+/// Standard deviations of an interval of 95 %. Standard: the quantile of the normal distribution at 97.5 %.
 const TWO_SIDED: f64 = 1.96;
-/// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.
+/// Step for derivatives by values of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way
+/// is another one. Derived: as exact as that of lags.
 const FINE_STEP: f64 = 1e-4;
-/// Added to the unit diagonal of the normal equations for the covariance: what has no effect at all has a large variance.
+/// Added to the unit diagonal of the normal equations for the covariance. Chosen: far above rounding; what has no effect at all has a
+/// standard error of 1e5, and what has some its own.
 const RIDGE: f64 = 1e-10;
-/// How far it is looked around for a better place where the chi-square has kinks, in coordinates, and how often.
+/// How far it is looked around for a better place where the chi-square has kinks, in coordinates. Chosen: from 3 % of a value or range
+/// down to the order of the finest step, in factors of three; farther off other starts are. More cost only time.
 const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
+/// How often. Chosen: each goes on only where it gains; it bounds a walk from kink to kink. More cost only time.
 const MOST_LOOKS: usize = 8;
 
 /// A hypothesis fitted to the records.
@@ -255,7 +261,7 @@ impl Fit {
         (variance >= 0.0).then(|| variance.sqrt())
     }
 
-    /// Whether its alignment is off by more than the rows leave open.
+    /// Whether its alignment is off by more than the rows leave open. Standard: two standard deviations, 95.4 % of a normal distribution.
     pub fn has_time_offset(&self, likelihood: &Likelihood) -> bool {
         self.hypothesis.time_offset_s.abs() > 2.0 * likelihood.time_offset_std()
     }

@@ -11,8 +11,11 @@ use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{Coordinate, Hypothesis};
 use crate::noise::whitening::dot;
 
-/// Steps for derivatives, in coordinates.
+/// Steps for derivatives, in coordinates: of lags and alignment. Derived: a difference is off by half of it, 5e-5, of the second
+/// derivative and by 1e-12 of rounding.
 const SMOOTH_STEP: f64 = 1e-4;
+/// The same of values of effects. Chosen: 0.2 % of a value or range, so that many commands cross a limit over it. Smaller sees single
+/// commands; larger is off by the bend of the response.
 pub(crate) const EFFECT_STEP: f64 = 2e-3;
 
 /// Derivatives at a hypothesis, for judging others next to it without a search.
@@ -206,7 +209,7 @@ impl Linearization {
     pub fn follow(&self, hypothesis: &Hypothesis, sum: f64, gradient: &DVector<f64>) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, gradient, &floored_diagonal(&self.matrix), 1e-9)?;
         let chi_square = sum + gradient.dot(&step);
-        // The linearization holds nearby only.
+        // The linearization holds nearby only: half a range, or a factor of 1.6. The damping of 1e-9 only lets the matrix be inverted.
         Some((chi_square, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }

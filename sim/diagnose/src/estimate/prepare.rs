@@ -7,9 +7,11 @@ use crate::estimate::fit::fit;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
-/// A decay at the begin of a record that is more than this part of the response's swing, and this many times the one that the
-/// record would have otherwise, says that it was taken in another way than the rest.
+/// A decay at the begin of a record that is more than this part of the response's swing may say that it was taken in another way than the
+/// rest. Chosen: above what noise, play or a dead band leave. Lower, these make exceptions; higher, a wrong begin stays.
 const DECAYS: f64 = 0.2;
+/// It does where it is this many times the one that the record would have otherwise. Chosen: clearly more, for decays that are known to
+/// some tenths.
 const OTHER_DECAY: f64 = 3.0;
 
 /// The records with what was before each of them, and without mains hum, by a model of the lags alone, which are fitted where `lags` says

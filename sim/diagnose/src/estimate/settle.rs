@@ -4,7 +4,8 @@ use crate::estimate::fit::{Fit, fit, fit_in};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
-/// Steps between two estimates of the noise.
+/// Steps between two estimates of the noise. Chosen: the noise needs a fit no better than itself, and a full one follows. More cost only
+/// time.
 const STEPS: usize = 10;
 
 /// Takes the noise from what a hypothesis leaves and fits it again with that. Twice, since weights and fit depend on each other. The

@@ -22,8 +22,10 @@ use crate::likelihood::isolated_steps::{IsolatedStep, changes, isolated_steps};
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
 
-/// Waits of which the mean is taken, over so many standard errors to either side of the likeliest.
+/// Waits of which the mean is taken. Derived: they are 0.04 of a standard error apart at most, and the midpoint rule is off by `0.04^2 /
+/// 24`, 7e-5, where the end of a frame cuts the density.
 const WAITS: usize = 400;
+/// Over so many standard errors to either side of the likeliest. Derived: beyond, the likelihood is below `e^-32`, 1e-14.
 const ERRORS: f64 = 8.0;
 
 /// By how much the log likelihood of what is in `split` grows where each change waits for a frame of its own. 0 without frames,

@@ -4,7 +4,8 @@ use crate::data::dataset::{Record, Segment};
 use crate::likelihood::adjoint::{Adjoint, applied};
 use crate::model::hypothesis::Hypothesis;
 
-/// A record with no more changes of the command than this has them far between.
+/// A record with no more changes of the command than this has them far between. Chosen: a square wave changes twice in a period, and
+/// periods are few; a multisine changes in every row, hundreds of times.
 const FEW: usize = 64;
 
 /// A change of the command that stands alone.

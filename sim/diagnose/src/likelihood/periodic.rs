@@ -13,9 +13,11 @@ use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
 
-/// Lines are compared up to this multiple of the highest excited frequency: what a nonlinearity adds lies there too.
+/// Lines are compared up to this multiple of the highest excited frequency: what a nonlinearity adds lies there too. Derived: a square
+/// doubles the highest frequency. Higher adds lines of noise alone.
 pub(crate) const BEYOND_EXCITED: f64 = 2.0;
-/// A line is excited where the command has this part of its strongest line there.
+/// A line is excited where the command has this part of its strongest line there. Chosen: far above rounding and below the harmonics of a
+/// square wave that count. It decides only how a line is listed.
 const EXCITED: f64 = 1e-3;
 
 /// What the segments of a record that repeats are weighed by, one for each.

@@ -19,11 +19,12 @@ use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::plateau_errors::{ComparedRows, Errors, Filter, mean};
 
-/// Parts of the time of a record.
+/// Parts of the time of a record. Chosen for a table that is read at a glance.
 const TIMES: f64 = 10.0;
-/// Levels are put together to this many ranges.
+/// Levels are put together to this many ranges. Chosen for the same reason.
 const LEVELS: f64 = 5.0;
-/// How far off a record starts at most, in standard deviations of its response: the weight of that is small beside that of rows.
+/// How far off a record starts at most, in standard deviations of its response. Chosen: rows that show the start decide it, as the weight
+/// of this is small beside that of rows. Lower pulls such a start; higher lets run off what no row shows.
 const MOST_OFF: f64 = 10.0;
 
 /// What a record that does not repeat is weighed by.
@@ -136,6 +137,7 @@ impl PlateauWeights {
         let prior = (MOST_OFF.powi(2) * sample::variance(&self.log.measured)).recip();
         let (aa, ab, bb, ar, br) = (dot(&a, &a), dot(&a, &b), dot(&b, &b) + prior, dot(&a, &r), dot(&b, &r));
         let determinant = aa * bb - ab * ab;
+        // Columns that are alike to 1e-9 cannot be told apart but by rounding.
         let (offset, start) = if determinant > 1e-9 * aa * bb {
             ((bb * ar - ab * br) / determinant, (aa * br - ab * ar) / determinant)
         } else if aa > 0.0 {
@@ -184,6 +186,7 @@ impl PlateauWeights {
             let off_level = [mean(difference, &part.before) - before, mean(difference, &part.settled) - own];
             for (row, _) in &part.moving {
                 let way = (simulated(*row) - start) / (end - start);
+                // Chosen: as far beyond either level as from one to the other is more than any response overshoots.
                 let way = if way.is_finite() { way.clamp(-1.0, 2.0) } else { 1.0 };
                 let residual = self.log.measured[*row] - (1.0 - way) * from - way * to;
                 free[*row] = difference[*row] - residual - (1.0 - way) * off_level[0] - way * off_level[1];
@@ -249,7 +252,8 @@ impl<'a> Plateaus<'a> {
         let columns = channel.column.predicted(trace, channel.measured.len());
         let white: Vec<Vec<f64>> = columns.iter().map(|column| filter.apply(column)).collect();
         let measured = filter.apply(&channel.measured);
-        // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing.
+        // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing. A singular value of
+        // 1e-9 is rounding then.
         let lengths: Vec<f64> = white.iter().map(|column| dot(column, column).sqrt()).collect();
         let scale = |index: usize| if lengths[index] > 0.0 { lengths[index].recip() } else { 0.0 };
         let count = columns.len();

@@ -14,20 +14,26 @@ use super::frame_hold;
 use crate::data::columns::Column;
 use crate::data::dataset::{Dataset, Record};
 
-/// How far a value may leave its plausible range in a search, in widths of the range.
+/// How far a value may leave its plausible range in a search, in widths of the range. Chosen: five times what a plausible one may, so that
+/// a search ends where it would, and not on the border. Farther, a flat direction runs off.
 const BEYOND: f64 = 0.5;
 
-/// Shortest time constant that is searched, seconds.
+/// Shortest time constant that is searched, seconds. Chosen: a tenth of a row at 1000 rows per second, and no rotor's. Shorter ones look
+/// the same and take more steps to simulate.
 const LEAST_TIME_CONSTANT_S: f64 = 1e-4;
-/// And none is longer.
+/// And none is longer. Chosen: beyond any rotor's by two orders. It only keeps a search finite where the records do not say how long the
+/// lag is.
 const GREATEST_TIME_CONSTANT_S: f64 = 100.0;
 
-/// Gain of a lag that does not respond: its logarithm is searched.
+/// Gain of a lag that does not respond: its logarithm is searched. Chosen: any gain that no sensor shows, only to keep that logarithm
+/// finite.
 const LEAST_GAIN: f64 = 1e-9;
 
-/// Time between rows at which what drifts is seen, seconds: a thousandth of a drift's time constant or so, and off by less than
-/// `1e-6` of it in between. At the begin of a record, for so many time constants of the lag, it is every row.
+/// Time between rows at which what drifts is seen, seconds. Derived: a line over it is off by `(h / time_s)^2 / 8` of the drift, 2e-6 at
+/// the shortest plausible time constant, 5 s.
 const QUIET_S: f64 = 0.02;
+/// Time constants of the lag at the begin of a record in which it is seen at every row. Derived: `e^-15`, 3e-7, of the lag's own motion is
+/// left after them, which is less than that.
 const BEGIN: f64 = 15.0;
 
 /// The lag at one nominal command.
@@ -184,7 +190,7 @@ impl Hypothesis {
     }
 
     /// Where a coordinate of an effect is when the effect is not there, and twice its plausible range; `None` where there is no
-    /// such place.
+    /// such place. Twice is chosen for a weak prior: a value a whole range away costs a quarter in the chi-square.
     pub fn prior(&self, coordinate: Coordinate) -> Option<(f64, f64)> {
         let Coordinate::Effect { effect, value } = coordinate else { return None };
         let parameter = &self.effects[effect].kind.parameters[value];

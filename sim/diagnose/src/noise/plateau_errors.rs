@@ -20,11 +20,14 @@ use std::ops::Range;
 
 use rotorlead_numerics::sample::median;
 
-/// Independent numbers that the motion after a step is worth: about how late and how fast.
+/// Independent numbers that the motion after a step is worth. Chosen: how late it is, how fast, and how curved. Their number scales the log
+/// likelihood of the motion: higher overrates what fits the model's own error.
 pub(crate) const PER_STEP: f64 = 3.0;
-/// The same of a tenth of a record without plateaus.
+/// The same of a tenth of a record without plateaus. Chosen: as much as some seven steps, which such a part may well go through. It scales
+/// as above.
 const PER_BLOCK: f64 = 20.0;
-/// Mean squares below this are this; relative to what they are of.
+/// Mean squares below this are this, in squares of the response's unit, or of the step's size for its motion. Chosen: far below any
+/// reading, it only keeps weights finite where nothing is left.
 const LEAST: f64 = 1e-20;
 
 /// Standard deviations of the errors.
@@ -211,13 +214,14 @@ impl Filter {
     }
 }
 
-/// Steps smaller than this part of the usual one count as one of this size: of a step that is hardly one no motion is seen.
+/// Steps smaller than this part of the usual one count as one of this size: of a step that is hardly one no motion is seen. Chosen: lower,
+/// noise over a small size weighs too much; higher, steps that show their motion are weighed down.
 const LEAST_SIZE: f64 = 0.5;
 
 /// Of a plateau so many times the time are compared in which the response goes most of the usual step; later it hardly moves, and
-/// there are many such rows.
+/// there are many such rows. Derived: `e^-6` is 0.25 % of the step, which few logs show.
 const MOVES_FOR: f64 = 6.0;
-/// Most of the step: of a lag after its time constant.
+/// Most of the step. Derived: `1 - 1/e`, where a first-order lag is after its time constant.
 const MOST_OF_THE_WAY: f64 = 0.63;
 
 /// Sets the sizes of steps, and for how long they are compared, from the response that was measured; `after_gaps` are the rows

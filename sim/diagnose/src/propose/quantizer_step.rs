@@ -19,14 +19,18 @@ use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::{Adjoint, applied};
 use crate::model::candidate::Candidate;
 
-/// Commands that are distinguished, of the range 0..1 and as much again below and above: a tenth of the finest step.
+/// Commands that are distinguished, of the range 0..1 and as much again below and above. Derived: a tenth of the finest plausible step,
+/// `1/4096`, so that a bin turns its sinusoid by no more; a power of two for the transform.
 const BINS: usize = 1 << 17;
-/// The commands of the bins, from and width: limits of the commands of an actuator.
+/// The commands of the bins begin here. Derived: commands that an effect ahead has moved lie within a range of 0..1 to either side.
 const FROM: f64 = -1.0;
+/// And are so wide. Derived: three such ranges.
 const WIDTH: f64 = 3.0;
-/// A command that changes less often than this does not go over a grid.
+/// A command that changes less often than this does not go over a grid. Chosen: square waves change some ten times, multisines thousands
+/// of times.
 const FEWEST_CHANGES: usize = 100;
-/// Steps that are looked at more closely.
+/// Steps that are looked at more closely. Chosen: lines beside the loudest, and multiples of a step, are loud too. Fewer may lose the
+/// right one; more cost only time.
 const STEPS: usize = 10;
 
 /// The step of a grid.

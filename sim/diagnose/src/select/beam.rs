@@ -16,26 +16,37 @@ use crate::select::screen::Screened;
 use crate::select::search::Search;
 use crate::select::weak_evidence::{self, WeakEvidence};
 
-/// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for.
+/// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for. Chosen: 1.5 times what an
+/// explanation may leave, for a third that takes away the rest. Higher costs time; lower loses third effects.
 const HOPELESS: f64 = 0.15;
-/// The same where periods do not repeat: levels are off for more reasons than have a name.
+/// The same where periods do not repeat: levels are off for more reasons than have a name. Chosen: as much as an explanation of logs may
+/// leave.
 const HOPELESS_IN_LOGS: f64 = 0.5;
-/// What scores less than this part of the best is not followed.
+/// What scores less than this part of the best is not followed. Chosen: half of a pair may explain little alone, so that it is far below
+/// one. Higher loses pairs; lower costs time.
 const PART_OF_BEST: f64 = 0.2;
-/// Members of a size that go on to the next, from none on.
+/// Members of a size that go on to the next, from none on. Chosen: a pair is reached through either of its kinds, so that four of all
+/// kinds are enough unless both rank lower; threes cost most, and two go on. Wider costs time in proportion.
 const WIDTHS: [usize; MOST_EFFECTS] = [1, 4, 2];
-/// Steps of a first joint fit, and those of one that goes on.
+/// Steps of a first joint fit. Chosen: three damped steps show which start leads somewhere. Fewer rank by chance; more cost time for all
+/// of them.
 pub(crate) const FIRST: usize = 3;
+/// Steps of one that goes on. Chosen: half of a full search, which ends sooner where a step gains no more than chance; the best are fitted
+/// to the end later.
 const NEXT: usize = 12;
-/// What a fit that goes on has to catch up with at least, in log evidence: less makes no difference.
+/// What a fit that goes on has to catch up with at least, in log evidence. Standard: below odds of 20 to 1 evidence is not strong (Kass &
+/// Raftery 1995). Lower costs time on steps that change no order.
 const CATCH_UP: f64 = 3.0;
-/// What is behind by more than this does not catch up by a better fit.
+/// What is behind by more than this does not catch up by a better fit. Chosen: three times what counts as alike. Lower loses sets whose
+/// first fit was poor; higher costs time.
 const APART: f64 = 3.0 * POLICY.alike;
-/// Members that are fitted again when the noise changes.
+/// Members that are fitted again when the noise changes. Chosen: more than twice as many as go on to the next size. More cost only time.
 const KEPT: usize = 10;
-/// Noise that changes the chi-square of the best by no more than this part is the same.
+/// Noise that changes the chi-square of the best by no more than this part is the same. Chosen: differences of scores change by about as
+/// much. Lower costs fits of all members once more; higher compares scores of different noise.
 const SAME_NOISE: f64 = 0.02;
-/// Part of the evidence of the best that a kind has to promise to be fitted, by the size of the set that it makes.
+/// Part of the evidence of the best that a kind has to promise to be fitted, by the size of the set that it makes. Chosen: every kind
+/// alone, then the more sets there are the fewer. Higher loses a small effect beside a large one; lower costs time.
 const PARTS_OF_BEST: [f64; MOST_EFFECTS] = [0.0, 0.5, 0.7];
 
 impl Search<'_> {

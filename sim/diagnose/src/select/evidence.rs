@@ -23,11 +23,14 @@ use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Coordinate;
 use crate::propose;
 
-/// The kinds among which one is chosen, about.
+/// The kinds among which one is chosen, about. Derived: the catalog has 18 that are looked for, less those that the records cannot show;
+/// two more or fewer change a score by 0.12.
 const KINDS: f64 = 16.0;
-/// Added to the diagonal of the information on the lags, in parts of it.
+/// Added to the diagonal of the information on the lags, in parts of it. Chosen: far above rounding and far below any information that
+/// counts; it only lets a matrix be inverted of which a lag is not determined.
 const RIDGE: f64 = 1e-9;
-/// Rates of frames that can be told apart.
+/// Rates of frames that can be told apart. Chosen: 2.3 % apart over the plausible 20 to 2000 Hz (`ln 100 / 200`). Twice or half as many
+/// change a score by 0.7.
 const RATES: f64 = 200.0;
 
 /// The logarithm of the evidence, but for what all hypotheses of the same records have in common.
@@ -70,7 +73,8 @@ fn occam(fit: &Fit) -> f64 {
     half_log_det + widths - 0.5 * own.len() as f64 * TAU.ln()
 }
 
-/// The logarithm of the number of places at which a value could stand where the response depends in jumps on it.
+/// The logarithm of the number of places at which a value could stand where the response depends in jumps on it. Standard: such a value,
+/// or each phase of frames, costs 1 beside, which a number gains by chance (Akaike 1974).
 fn jumps(likelihood: &Likelihood, effect: &Candidate) -> f64 {
     if !effect.phases.is_empty() {
         // The rate, and a phase for each record.

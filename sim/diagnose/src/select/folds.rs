@@ -7,7 +7,8 @@ use crate::estimate::fit::fit_in;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 
-/// Steps of a search on a part of the steps, from what was found on all of them.
+/// Steps of a search on a part of the steps of a log, from what was found on all of them. Chosen: the start is near, and three damped
+/// steps with fresh derivatives reach what a part moves it. More cost only time.
 const STEPS: usize = 3;
 
 /// Mean gain of log likelihood over what each split holds out, with what it leaves for the other fitted. `None` where nothing is split.

@@ -11,8 +11,8 @@ use crate::policy::POLICY;
 use crate::select::explanation::Explanation;
 use crate::select::search::Search;
 
-/// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
-/// alone exceeds it once in 100 times.
+/// A lag is another one than the given where its squared distance in standard errors is more than this. Standard: the quantile of a
+/// chi-square of two degrees of freedom at 99 %, `2 ln 100`, so that noise alone exceeds it once in 100 times.
 const IMPROVED: f64 = 9.2;
 
 /// That the numbers of a given model are wrong.
@@ -108,6 +108,7 @@ fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<Para
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
             let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
+            // A number that is not known has next to no weight, and not none: all of them may be.
             (number(found) / number(given) - 1.0, std.powi(-2).max(1e-30))
         });
         let (sum, weight) =

@@ -15,27 +15,34 @@ use crate::propose::scan::Scan;
 use crate::propose::{self, collapsed};
 use crate::select::search::Search;
 
-/// Share of the least score that the screening has to promise.
+/// Share of the least score that the screening has to promise. Chosen: the screening may promise a third too little. Lower, more fits are
+/// in vain; higher, effects whose promise is too low are never fitted.
 const PROMISED: f64 = 0.7;
-/// Kinds that are fitted after the screening, and starts of each.
+/// Kinds that are fitted after the screening. Chosen: more than a third of all, so that a kind need not promise most to be fitted. Fewer
+/// may lose the truth; more cost only time.
 const MOST_FITTED: usize = 7;
+/// Starts of each. Chosen: two minima of a kind, as of a small effect and of a large one. More cost only time.
 const MOST_STARTS: usize = 2;
-/// Kinds that are followed in any case.
+/// Kinds that are followed in any case. Chosen: the first promise may be another's shadow, and its second too. More cost only time.
 const MOST_FINISHED: usize = 3;
-/// Starts of a kind that are looked at on all records.
+/// Starts of a kind that are looked at on all records. Chosen: one more than are fitted, as one may fall out there. More cost only time.
 const MOST_LOOKED_AT_AGAIN: usize = 3;
-/// How often the screening halves the distance to the neighbors of the best start.
+/// How often the screening halves the distance to the neighbors of the best start. Derived: a twelfth of the range becomes `2^-3` of that,
+/// 1 %, from where a fit finds the rest.
 const CLOSER_LOOKS: usize = 3;
-/// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
+/// How often the screening looks around in a narrow valley. Derived: the steps of the last look are `4^-5`, 0.001, of a piece, and within
+/// a piece the response is smooth.
 const VALLEY_LOOKS: i32 = 5;
+/// In how many steps to either side. Chosen: eight places a look; more cost time, fewer take more looks.
 const VALLEY_STEPS: u32 = 4;
+/// How much nearer each time. Derived: one over the steps, so that a look reaches to the neighbors of the best.
 const VALLEY_NARROWING: f64 = 0.25;
 
 /// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
 pub(crate) type Screened = (f64, Hypothesis, &'static Kind);
 
 /// A kind that promises less than this part of what the best does at a first look is not looked at more closely, nor are more kinds
-/// than are fitted.
+/// than are fitted. Chosen: closer looks may double a promise, not make it ten times as large. Lower costs time.
 const CLOSER: f64 = 0.1;
 
 /// Records, and a score test on them.

@@ -26,7 +26,8 @@ pub struct WeakEvidence {
 }
 
 impl WeakEvidence {
-    /// How many times as long records like these have to be for it to be named.
+    /// How many times as long records like these have to be for it to be named: in proportion to what is needed, and twice at least. Twice
+    /// is chosen: less is hardly worth another day at the stand.
     #[must_use]
     pub fn times_longer(&self) -> u32 {
         (POLICY.least_score / self.evidence.max(POLICY.least_weak_evidence)).ceil().max(2.0) as u32

@@ -15,7 +15,8 @@ use crate::model::hypothesis::Hypothesis;
 use crate::policy::POLICY;
 use crate::select::search::Search;
 
-/// Steps of a fit without one of the effects.
+/// Steps of a fit without one of the effects. Chosen: it starts at a fit and ends sooner where a step gains no more than chance; too few
+/// would overrate the effect, more cost only time.
 const WITHOUT: usize = 8;
 
 /// What one effect of a set is worth.
@@ -61,8 +62,8 @@ impl Search<'_> {
         (0..member.size()).all(|effect| self.worth(pool, member, effect).is_some_and(|worth| worth.failed.is_empty()))
     }
 
-    /// The evidence that a name has to bring: more than chance, and more than what the law of another may be off by, where `best` is the best
-    /// that all names together do.
+    /// The evidence that a name has to bring: more than chance, and more than what the law of another may be off by, where `best` is the
+    /// best that all names together do.
     pub fn cost_of_a_name(&self, pool: &Pool, best: &Member) -> f64 {
         let whole = pool.get(&[]).map_or(0.0, |zero| best.evidence - zero.evidence);
         if self.likelihood.data.has_logs() {
@@ -101,8 +102,8 @@ impl Search<'_> {
         (0..member.size()).all(|effect| self.implausible(hypothesis, effect, AT_MOST_OFF).is_none())
     }
 
-    /// Which value of an effect is implausible, lying beyond its range by more than this `part` of it. A delay in a log is that of the logger as well, which stamps up to
-    /// some rows late.
+    /// Which value of an effect is implausible, lying beyond its range by more than this `part` of it. A delay in a log is that of the
+    /// logger as well, which stamps up to some rows late.
     fn implausible(&self, hypothesis: &Hypothesis, effect: usize, part: f64) -> Option<String> {
         let mut own = hypothesis.effects[effect].clone();
         let data = &self.likelihood.data;

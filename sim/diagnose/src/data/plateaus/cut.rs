@@ -15,20 +15,26 @@ use crate::data::plateaus::rows::Blocks;
 use crate::data::split::Split;
 use crate::noise::plateau_errors::{ComparedRows, kept_rows, measure};
 
-/// Parts into which a record without plateaus is cut for its splits.
+/// Parts into which a record without plateaus is cut for its splits. Chosen: even, so that half is held out, and several to either side.
+/// Fewer let one part decide; more are shorter than what a lag remembers.
 const BLOCKS: usize = 10;
-/// After a gap of the logger in which the command may have moved, so many seconds are not compared where there is no plateau that
-/// settles.
+/// After a gap of the logger in which the command may have moved, so many seconds are not compared where there is no plateau that settles.
+/// Chosen: three time constants of a slow motor, 0.16 s. Less compares a response to an unknown command; more loses rows.
 const AFTER_GAP_S: f64 = 0.5;
-/// A record without plateaus has its noise from what a parabola through so many rows leaves.
+/// A record without plateaus has its noise from what a parabola through so many rows leaves. Chosen: six degrees of freedom each. Fewer
+/// leave too few, more are longer than a response is a parabola.
 const PARABOLA_ROWS: usize = 9;
-/// Noise below this share of the response's range is taken for this.
+/// Noise below this share of the response's range is taken for this. Chosen: below the last digit of a 16-bit reading, 1.5e-5; it only
+/// keeps weights finite.
 const LEAST_NOISE: f64 = 1e-5;
-/// Where a plateau has settled its rows all say the same: they are compared as so many means.
+/// Where a plateau has settled its rows all say the same: they are compared as so many means. Chosen: what drifts slowly still shows,
+/// within a twelfth of the plateau. More cost only time.
 const SETTLED_BLOCKS: usize = 12;
-/// A step is compared at about so many rows while it goes most of the way, or at all that there are.
+/// A step is compared at about so many rows while it goes most of the way, or at all that there are. Derived: over a twelfth of a time
+/// constant a lag is a line but for `(1/12)^2 / 8`, 9e-4. More cost only time.
 const ROWS_PER_RISE: f64 = 12.0;
-/// Rows over which the correlation of the noise is summed.
+/// Rows over which the correlation of the noise is summed. Chosen: beyond, the sum gathers errors of the correlations; shorter, slow noise
+/// counts as more rows than it is.
 const NOISE_LAGS: usize = 60;
 
 /// A record's rows from the first that is compared to the last, with what was measured there.
@@ -69,7 +75,7 @@ pub(crate) fn prepare(
         Err(error) => return Err(DiagnoseError::Steps(error)),
     };
     let stepped = matches!(source.excitation, Excitation::Step | Excitation::Staircase);
-    // A record of anything may well be a staircase.
+    // A record of anything may well be a staircase. Chosen: it is one where plateaus cover more than half of it.
     let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
     Ok(match run {
         Some(run) if stepped || whole(&run) => Some(prepare_run(source, run, has_free_map)),
@@ -270,6 +276,7 @@ fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
             ((time_s[row] - middle) / width).powi(power as i32)
         });
         let right = nalgebra::DVector::from_column_slice(values);
+        // Columns of order 1: a singular value of 1e-12 is rounding, as where all stamps are the same.
         let Some(solution) = rotorlead_numerics::linear::solve(columns.clone(), &right, 1e-12) else { continue };
         squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
     }

@@ -56,7 +56,7 @@ impl StepSplit {
     }
 }
 
-/// Groups that a record has to have to be cut.
+/// Groups that a record has to have to be cut. Derived: two for either side of a split, as a split needs at least.
 const CUT_FROM: usize = 4;
 
 /// Whether a split fits a group of a log, which has this place among the records.
