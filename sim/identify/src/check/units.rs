@@ -7,29 +7,33 @@ use rotorlead_records::{Output, Record};
 use super::RecordFault;
 use crate::rows::gaps::usual_interval_s;
 
-/// Rows that are further apart, in seconds, show no motor.
+/// Rows that are further apart, in seconds, show no motor. Chosen: a lag is over in 0.02 to 0.2 s; `docs/ranges.md` states the same limit.
 const SLOWEST_ROWS_S: f64 = 0.5;
-/// Rates that loggers have, hertz.
+/// Rates that loggers have, hertz. Chosen: from slow telemetry to a fast bench. Two units overlap by a factor of 2.5; the first is taken.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
-/// Units of time that loggers write, and their parts in a second.
+/// Units of time that loggers write, and their parts in a second (SI prefixes).
 const PARTS: [(&str, f64); 3] = [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)];
-/// A command repeats when what differs is at most this share of what moves, in RMS...
+/// A command repeats when what differs is at most this share of what moves, in RMS... Chosen: after whole rows a command repeats but for
+/// rounding, while two unrelated stretches of it differ by `sqrt(2)`.
 const REPEATS: f64 = 0.05;
-/// ...and does not from this share on.
+/// ...and does not from this share on. Chosen: times in seconds get the benefit of the doubt, four times as much as another unit.
 const DIFFERS: f64 = 0.2;
-/// A column around the nominal command, so near, is the command: a thrust of less than a newton might be there by chance only.
+/// A column around the nominal command, so near, is the command: a thrust of less than a newton might be there by chance only. Chosen:
+/// twice what is another operating point, 0.01.
 const SAME_DUTY: f64 = 0.02;
-/// A rate is the stated one within this share.
+/// A rate is the stated one within this share. Chosen: units differ by a factor of a thousand, and quartz clocks by far less.
 const SAME_RATE: f64 = 0.05;
 
 /// Gains beyond these are no motor's with a propeller, newtons per unit of command. The low one is a propeller of 50 mm, the
-/// high one lifts 25 kg by itself.
+/// high one lifts 25 kg by itself. Chosen: grams-force are found from 2.5 N on, `250 / 102`, kilograms-force up to 15 N, `1.5 * 9.8`.
 const GAINS_N: (f64, f64) = (1.5, 250.0);
-/// Thrust per electrical power, newtons per watt: 2 to 20 grams-force a watt are usual, and these are far from both.
+/// Thrust per electrical power, newtons per watt: 2 to 20 grams-force a watt, 0.02 to 0.2 N, are usual. Chosen: a factor of two and of four
+/// beyond; grams-force are always found, kilograms-force below 10 and pounds-force below 4.5 grams-force a watt.
 const THRUST_N_PER_W: (f64, f64) = (0.01, 0.8);
-/// Electrical power of a motor that lifts, watts.
+/// Electrical power of a motor that lifts, watts. Chosen: 0.02 to 0.2 N, below which a sensor's zero counts for as much as the thrust.
 const LEAST_POWER_W: f64 = 1.0;
-/// Gains beyond these are no motor's, revolutions per minute per unit of command.
+/// Gains beyond these are no motor's, revolutions per minute per unit of command. Chosen: revolutions per second are found up to 60 000
+/// rpm, electrical ones of 7 pole pairs from 14 300 rpm on.
 const GAINS_RPM: (f64, f64) = (1000.0, 100_000.0);
 
 /// What a command outside 0 to 1 seems to be.
@@ -70,7 +74,8 @@ impl CommandUnit {
         }
     }
 
-    /// Every unit, with what it reads from and to, and what it reads at a duty of 0 and of 1.
+    /// Every unit, with what it reads from and to, and what it reads at a duty of 0 and of 1. Standard are servo pulses, 1 to 2 ms and
+    /// 0.5 to 2.5 ms at most, and DSHOT's throttle values, 48 to 2047 of 11 bits.
     const READINGS: [(Self, [f64; 2], [f64; 2]); 4] = [
         (Self::Percent, [0.0, 100.0], [0.0, 100.0]),
         (Self::Milliseconds, [0.5, 2.5], [1.0, 2.0]),
@@ -153,6 +158,7 @@ fn is_command(response: &[f64], nominal: f64) -> bool {
 pub(super) fn check_time_unit(record: &Record, stated_hz: Option<f64>) -> Option<RecordFault> {
     let interval = usual_interval_s(&record.time_s)?;
     let fault = |(unit, factor): (&'static str, f64), reason: String| {
+        // To nine digits behind the point, as many as it is printed with.
         let interval = (interval * 1e9).round() / 1e9;
         RecordFault::TimeUnit { file: record.file.clone(), interval, reason, unit, factor }
     };
@@ -185,7 +191,7 @@ pub(super) fn check_time_unit(record: &Record, stated_hz: Option<f64>) -> Option
 }
 
 /// By how much a command differs from itself so many rows later, relative to how much it moves; `None` where the record is
-/// too short to tell.
+/// too short to tell. Chosen: at least four rows to a period, and a third of the record to compare.
 fn change_after(command: &[f64], rows: f64) -> Option<f64> {
     let rows = rows.round();
     if !(4.0..command.len() as f64 * 0.67).contains(&rows) {

@@ -158,7 +158,7 @@ impl Etfe {
 
 fn smooth(raw: &[ResponsePoint], reference: &[Complex64], half_width: usize) -> Vec<ResponsePoint> {
     // A noise-free line would take all the weight, so no line counts as more than a million
-    // times as precise as the average one; without any noise all count the same.
+    // times as precise as the average one, which is chosen; without any noise all count the same.
     let precision = |k: usize| raw[k].variance / reference[k].norm_sqr();
     let mean = (0..raw.len()).map(precision).sum::<f64>() / raw.len() as f64;
     let floor = if mean > 0.0 { 1e-6 * mean } else { 1.0 };

@@ -42,10 +42,11 @@ use crate::error::IdentifyError;
 /// Images up to this multiple of the row rate are kept on both sides.
 ///
 /// A first-order plant and a hold both fall with frequency, so image `n` falls with `1 / n^2` and
-/// what is left out is `(2 / MAX_IMAGE) / (pi^2 / 3)`, 4 %, of the images' sum.
+/// what is left out is `(2 / MAX_IMAGE) / (pi^2 / 3)`, 4 %, of the images' sum. Chosen: double halves that for double the time.
 const MAX_IMAGE: i64 = 16;
 
-/// Clocks whose pattern repeats after more frames than this count as not locked.
+/// Clocks whose pattern repeats after more frames than this count as not locked. Chosen: the lag then takes 256 values within a tick,
+/// as good as spread evenly; time goes with their number, and real clocks are not locked so finely.
 const MOST_FRAMES: f64 = 256.0;
 
 /// Sample and hold at the loop's rate, then at the ESC's frame rate, seen by rows at a third.
@@ -141,6 +142,7 @@ impl HoldChain {
             // The hold is sin(x) / x e^(-j x) with x = omega / (2 f_e), and e^(-j x) is `delay`.
             let hold = delay * (-delay.im * 2.0 * self.takeover_rate_hz / omega);
             let weight = modulation * hold;
+            // Chosen: smaller ones are the rounding of images that cancel.
             if weight.norm() > 1e-9 {
                 images.push(HoldImage { omega_rad_s: omega, weight });
             }

@@ -38,16 +38,18 @@ const COEFFICIENTS: usize = 3;
 /// would be more than a thousand times that of a bin.
 const SMALLEST_SINGULAR: f64 = 1e-3;
 
-/// Windows in which the command is below this share of its largest coefficient hold rounding, not excitation.
+/// Windows in which the command is below this share of its largest coefficient hold rounding, not excitation. Chosen: the square root of
+/// a double's resolution; a record that is 160 dB below its largest line shows nothing.
 const SMALLEST_COMMAND: f64 = 1e-8;
 
 /// How the local polynomial method is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalPolynomialOptions {
-    /// Lowest and highest frequency of interest, hertz.
+    /// Lowest and highest frequency of interest, hertz. The default is the band of the paper's multisine, 0.1 to 30 Hz.
     pub band_hz: (f64, f64),
-    /// Bins to either side that a parabola is fitted to, `n` above; 4 or more. Wider windows have less noise and more
-    /// bias. At the ends of the spectrum the window keeps its width.
+    /// Bins to either side that a parabola is fitted to, `n` above; 4 or more, so that `q` is 3: the inverse of a variance of fewer degrees
+    /// of freedom has no finite variance. Wider windows have less noise and more bias; the default of 7 is chosen, with `q = 9`. At the
+    /// ends of the spectrum the window keeps its width.
     pub half_width: usize,
 }
 
@@ -85,6 +87,7 @@ impl LocalPolynomial {
         let response = columns::response_column(record, experiment.output)?;
         let row_rate_hz = columns::row_rate_hz(record, experiment.sample_rate_hz)?;
         let (low_hz, high_hz) = options.band_hz;
+        // Chosen: the upper limit bounds the time and memory of a window's decomposition.
         if !(4..=10_000).contains(&options.half_width) {
             let value = options.half_width as f64;
             return Err(IdentifyError::Setting { name: "half_width", value, range: "4 to 10000 bins" });
@@ -97,7 +100,7 @@ impl LocalPolynomial {
         let command = coefficients(&record.command);
         let response = coefficients(response);
         let largest = command.iter().map(|u| u.norm()).fold(0.0, f64::max);
-        // Rounding, not excitation, as for periodic records.
+        // Rounding, not excitation, as for periodic records: 1e-9 of a command of 0..1.
         if largest.is_nan() || largest <= 1e-9 {
             return Err(IdentifyError::ConstantCommand { file: record.file.clone() });
         }

@@ -13,7 +13,8 @@ use super::estimate::{Periods, excited_bins, noise_bins};
 use super::frame::Frame;
 use super::transform::PeriodTransform;
 
-/// How much weaker than an excited line of the mean a line of the first period may be that is kept.
+/// How much weaker than an excited line of the mean a line of the first period may be that is kept. Chosen: it only decides how many bins
+/// are kept; too few are noticed, and the rows are then read a second time.
 const FIRST_PERIOD: f64 = 0.5;
 
 /// One column.

@@ -14,14 +14,17 @@ use crate::spectra::period_statistics::{mean, sample_variance, variance_of_mean}
 use crate::spectra::transient::TransientTest;
 use crate::spectra::{noise, transient};
 
-/// What the computer leaves of a response that repeats exactly, relative to the largest line.
+/// What the computer leaves of a response that repeats exactly, relative to the largest line. Chosen: above a transform's rounding, below
+/// 1e-12, and below the noise of a line of any sensor.
 const ROUNDING: f64 = 1e-10;
 
-/// Sinusoids of their own frequency that are looked for in a record.
+/// Sinusoids of their own frequency that are looked for in a record. Chosen: the mains hum with three of its harmonics. The search ends
+/// before where no line stands out; what is beyond is left out line by line.
 const MOST_SINUSOIDS: usize = 4;
-/// A sinusoid of two periods takes what a line knows of its noise up to this many bins away.
+/// A sinusoid of two periods takes what a line knows of its noise up to this many bins away: to the first zero of its leakage,
+/// `sin(pi x) / (pi x)`.
 const TAKEN_BINS: f64 = 1.0;
-/// Lines to either side that say it instead.
+/// Lines to either side whose mean replaces it: as many as [`SpectrumOptions::pool_half_width`] takes by default.
 const REFILL_LINES: usize = 5;
 
 /// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used. Bins more than [`noise_bins`] above
@@ -243,7 +246,8 @@ pub(super) fn noise_bins(options: &SpectrumOptions) -> usize {
 }
 
 /// Bins of the command above the threshold; none when the command does not move. A command of 0..1
-/// that moves by less than 1e-9 is taken as constant: that is rounding, not excitation.
+/// that moves by less than 1e-9 is taken as constant: that is rounding, not excitation. Chosen: far above the rounding of doubles, 1e-16,
+/// and far below the step of a command, 5e-4 of DSHOT.
 pub(super) fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
     let inner = 1..command.len().saturating_sub(1);
     let peak = inner.clone().map(|k| command[k].norm()).fold(0.0, f64::max);
@@ -253,7 +257,8 @@ pub(super) fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> 
     inner.filter(|&k| command[k].norm() >= threshold * peak).collect()
 }
 
-/// The command has no noise, so its periods must agree; a wrong `period_s` shows here.
+/// The command has no noise, so its periods must agree; a wrong `period_s` shows here. Chosen: the noise of a recorded command stays below
+/// 1 % in RMS, a wrong period makes tens of percent.
 fn check_periodic(command: &[Vec<Complex64>], file: &str) -> Result<(), IdentifyError> {
     let average = mean(command);
     let power = average.iter().map(Complex64::norm_sqr).sum::<f64>();

@@ -33,12 +33,14 @@ pub(super) use transform::transform;
 /// How spectra are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectrumOptions {
-    /// A line is excited when the command's amplitude is above this share of the largest, 0..1.
+    /// A line is excited when the command's amplitude is above this share of the largest, 0..1. The default of 0.1 is chosen: the lines of
+    /// a flat multisine differ by less than 20 dB, and what a quantized command adds between them is further below.
     pub line_threshold: f64,
-    /// Noise variances are averaged over this many lines to either side.
+    /// Noise variances are averaged over this many lines to either side. The default of 5 is chosen: eleven lines of four periods give
+    /// 66 degrees of freedom, `2 * 11 * 3`, and more lines follow the slope of the noise less well.
     pub pool_half_width: usize,
     /// Probability of dropping a period of a record that carries no transient, 0..1; zero never
-    /// drops any.
+    /// drops any. The default of 0.05 is chosen: a period lost costs precision, a transient that is kept costs bias.
     pub transient_level: f64,
 }
 

@@ -19,7 +19,8 @@
 use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
 
-/// Lines in a group: enough for power, few enough for the noise to be flat.
+/// Lines in a group: enough for power, few enough for the noise to be flat. Chosen: of four periods and 150 lines at 5 %, ten lines show
+/// a difference of 2.7 times the noise (F), single lines one of 106 times.
 const GROUP: usize = 10;
 
 /// The outcome of the test on one record.

@@ -31,10 +31,10 @@ use crate::spectra::{NoiseSource, Spectrum, UnexcitedLine};
 use rotorlead_numerics::statistics::f_upper_tail;
 
 /// A linear model hides a strong nonlinearity when the even or odd distortion is at least this, relative to the linear
-/// response: a tenth in amplitude.
+/// response: a tenth in amplitude. Chosen: the gain then changes by about as much with the amplitude, more than the errors of a good fit.
 pub const STRONG_DISTORTION_DB: f64 = -20.0;
 
-/// Tail probability below which a distortion counts as seen.
+/// Tail probability below which a distortion counts as seen. Chosen: one linear motor in a thousand is called distorted.
 const SEEN_LEVEL: f64 = 1e-3;
 
 /// The noise and the distortion of one or several records.
@@ -131,7 +131,7 @@ fn level(spectra: &[&Spectrum], parity: u32, linear_power: f64) -> Option<Distor
     let lines = || spectra.iter().flat_map(|s| &s.unexcited).filter(of_kind);
     let power = mean(lines().map(|line| line.response.norm_sqr() - line.variance))?;
     // Against the noise line by line, so that drift at the lowest ones does not hide the others. An inverse variance
-    // of v degrees of freedom is v / (v - 2) too large in the mean.
+    // of v degrees of freedom is v / (v - 2) too large in the mean; fewer than 4, where that is two, are taken for 4.
     let ratio = mean(
         lines()
             .filter(|line| line.variance > 0.0)

@@ -17,10 +17,12 @@ use super::decibels;
 use crate::frequency_response::{FrequencyResponse, ResponseLine};
 use crate::spectra::{SpectralLine, Spectrum, noise};
 
-/// Lines to either side that the variance over realizations is averaged over.
+/// Lines to either side that the variance over realizations is averaged over: as many as periods' variances by default
+/// ([`crate::spectra::SpectrumOptions::pool_half_width`]).
 const POOL_HALF_WIDTH: usize = 5;
 
-/// Commands whose lines differ by less than this, relative, are the same realization.
+/// Commands whose lines differ by less than this, relative, are the same realization. Chosen: random phases make them differ by
+/// `sqrt(2)`, and periods of one record agree within 0.01.
 const SAME_PHASES: f64 = 0.1;
 
 /// A frequency response over realizations.
@@ -54,6 +56,7 @@ impl RobustResponse {
             .iter()
             .filter_map(|line| spectra.iter().map(|spectrum| of_harmonic(spectrum, line.harmonic)).collect())
             .collect();
+        // Chosen: records that share less than half of their lines are of different multisines.
         let comparable = 2 * common.len() > others.iter().map(|s| s.lines.len()).max()?;
         if common.is_empty() || !comparable || !all_differ(&common, spectra.len()) {
             return None;

@@ -9,7 +9,7 @@ use super::FitLine;
 use crate::error::IdentifyError;
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
-/// thousandth of its standard error.
+/// thousandth of its standard error. The iterations are chosen: they bound a search that does not settle, which is refused.
 const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-9 };
 
 /// Real and imaginary parts of `(model - measured) / s` at each line, scaled to unit variance.

@@ -10,9 +10,10 @@ use rotorlead_plant::Lag;
 use super::FitLine;
 use crate::error::IdentifyError;
 
-/// Distance of two time constants of the grid, a factor.
+/// Distance of two time constants of the grid, a factor. Chosen: the nearest is off by a factor of 1.26, `sqrt(1.6)`, at most, within the
+/// basin of the search; lines from 0.1 to 30 Hz take 22 of them.
 const TIME_CONSTANT_STEP: f64 = 1.6;
-/// Most dead times of the grid.
+/// Most dead times of the grid: it bounds the time of the start. Eight to a period of the highest line reach 1 s up to 125 Hz.
 const MOST_DELAYS: usize = 1000;
 
 /// A line as the grid sees it.
@@ -46,6 +47,8 @@ pub(super) fn start(lines: &[FitLine], max_delay_s: f64) -> Result<Lag, Identify
         })
         .filter(|seen| seen.response.is_finite())
         .collect();
+    // Poles from ten times above the highest line, where the lines show a flat response, to ten times below the lowest, where they show
+    // only the ratio of gain and time constant.
     let time_constants: Vec<f64> = std::iter::successors(Some(0.1 / top), |tau| Some(tau * TIME_CONSTANT_STEP))
         .take_while(|tau| tau * lowest < 10.0)
         .collect();

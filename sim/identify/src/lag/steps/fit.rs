@@ -40,23 +40,27 @@ use crate::estimate::Estimate;
 use crate::goodness_of_fit::{percent_when_left, spread};
 use crate::rows::gaps::rows_after_gaps;
 
-/// Most steps that are fitted at once: they know their common delay by then.
+/// Most steps that are fitted at once. Chosen: the solve takes time with the cube of the steps, and 24 know their common delay five times,
+/// `sqrt(24)`, as well as one; half or double changes little.
 const BATCH: usize = 24;
-/// Most steps that are fitted: more of them say little that these do not.
+/// Most steps that are fitted: four batches. Chosen: a delay is then known ten times as well as by one step; time goes with the steps.
 const MOST_STEPS: usize = 96;
-/// Length of a window in units of the median time to 63 % of a step, which includes the delay.
+/// Length of a window in units of the median time to 63 % of a step, which includes the delay. Chosen: 0.03 %, `e^-8`, of a step is then
+/// still to come; shorter ones confuse level and time constant, longer ones bring drift.
 const WINDOW: f64 = 8.0;
-/// Onsets in the first pass, in which they are nearly free, seconds.
+/// Onsets in the first pass, in which they are nearly free, seconds. Chosen: a whole frame of a 50 Hz ESC, `sqrt(12)` times the standard
+/// deviation of an onset within it.
 const FREE_ONSET_STD_S: f64 = 0.02;
-/// The least and the most that drag makes of the curvature: `c R` is at most half the rate at the highest level, which is seldom
-/// more than 1.4 times the usual one.
+/// The least and the most that drag makes of the curvature: none, and `0.5 * 1.4`, as `c R` is at most half the rate at the highest level,
+/// which is seldom more than 1.4 times the usual one.
 const CURVATURES: (f64, f64) = (0.0, 0.7);
-/// What is known of it beforehand: a motor's, and a standard deviation that hardly holds it.
+/// Its Gaussian prior, mean and standard deviation: the middle of a motor's 0 to 0.5, and chosen twice that, which hardly holds it.
 const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
-/// Standard deviation by which it is held to an end of its range.
+/// Standard deviation by which it is held to an end of its range. Chosen: far below the 0.1 that is reported, and far above what would
+/// cost the normal equations digits.
 const CURVATURE_HELD_STD: f64 = 1e-4;
 /// A reading that is exactly the one before, where the response has moved by more than this many times its noise, was not
-/// taken anew.
+/// taken anew. Chosen: noise would have to make up for three standard deviations of motion to the last digit.
 const MOVED: f64 = 3.0;
 
 /// What is common to all steps.
@@ -208,10 +212,12 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
 
 /// The response has a kink where a step begins, and moving it across a row leaves the search zigzagging by
 /// ever less. A sum of squares in units of the noise has about one per row, so a decrease by this share, a
-/// few thousandths, moves no parameter by a tenth of its standard error.
+/// few thousandths, moves no parameter by a tenth of its standard error. The iterations are chosen: they bound that zigzag, and a search
+/// that needs more is refused.
 const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-6 };
 
-/// Enough to tell which start is in the right basin.
+/// Enough to tell which start is in the right basin. Chosen: only the best start is searched on to [`LIMITS`]; more
+/// iterations cost time, fewer may take a wrong basin.
 const FIRST_LOOK: Limits = Limits { iterations: 10, decrease: 1e-3 };
 
 /// When a search stops.
@@ -252,7 +258,8 @@ impl Fitted {
 
 fn first_pass(problem: &StepProblem<'_>, rise_s: f64) -> Option<Fitted> {
     let mut best: Option<Fitted> = None;
-    // The delay's basin is about a time constant wide, so start within and beyond it.
+    // The delay's basin is about a time constant wide, so start within and beyond it: from no delay to 0.8 of the rise. The time constant
+    // is the rest of the rise; 0.9 keeps it above zero.
     for share in [0.0, 0.4, 0.8] {
         let mut start = vec![share * rise_s, problem.curvature.0];
         let log_tau = ((1.0 - 0.9 * share) * rise_s).ln();
@@ -297,6 +304,7 @@ fn reasons(steps: &[Step]) -> String {
         }
     }
     counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    // Chosen: more than three do not fit a message.
     let said: Vec<String> = counts.iter().take(3).map(|(reason, count)| format!("{count}: {reason}")).collect();
     said.join("; ")
 }
@@ -324,7 +332,7 @@ fn window<'p>(
     quantum: f64,
 ) -> Window {
     let settled = plateaus.find(|plateau| plateau.rows.start == step.row).map_or(0.0, |plateau| plateau.std);
-    // Uniform within the sensor's resolution; one that reads the same value all the time has still some.
+    // Uniform within the sensor's resolution. One that reads the same value all the time has some still: a thousandth of the step, chosen.
     let noise = settled.max(quantum / 12.0_f64.sqrt()).max(1e-3 * (step.after - step.before).abs());
     let says = |row: usize| !data.spike[row] && after_gaps.binary_search(&row).is_err();
     Window {
@@ -374,7 +382,7 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
                 if weight == 0.0 {
                     continue;
                 }
-                // What a row's own pull on the fit takes of its residual.
+                // What a row's own pull on the fit takes of its residual. Chosen: 0.9 at most, so that no row counts more than tenfold.
                 let j = block.row(row);
                 let leverage = local.as_ref().map_or(0.0, |u| (j * u * j.transpose())[(0, 0)]).clamp(0.0, 0.9);
                 let (left, steep) = (residuals[row].powi(2) / (1.0 - leverage) - 1.0, (slope[row] * weight).powi(2));

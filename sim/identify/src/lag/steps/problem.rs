@@ -8,7 +8,8 @@ use rotorlead_numerics::least_squares::NormalEquations;
 
 use super::response::{Segment, value};
 
-/// Delays beyond this are not searched, seconds.
+/// Delays beyond this are not searched, seconds. Chosen: a motor's is some milliseconds and a log's some tens; longer ones are several time
+/// constants, and reach beyond the shortest plateau.
 const MAX_DELAY_S: f64 = 0.3;
 
 /// The rows of a step.
@@ -153,7 +154,8 @@ impl StepProblem<'_> {
         std::iter::once((CURVATURE, self.curvature.0, self.curvature.1)).chain(onsets)
     }
 
-    /// A magnitude that a parameter has or may have, which sizes its difference step.
+    /// A magnitude that a parameter has or may have, which sizes its difference step: 10 ms for times, 1 for ratios and logarithms. Chosen:
+    /// central differences lose no digit that matters by a factor of ten either way.
     fn typical(local: usize) -> f64 {
         let onset = SHARED + 2;
         if local == DELAY || local == onset { 0.01 } else { 1.0 }

@@ -4,7 +4,8 @@ use nalgebra::DMatrix;
 
 use super::plateaus::Plateau;
 
-/// Rows over which noise may depend on itself.
+/// Rows over which noise may depend on itself. Chosen: fewer cut off the correlation of a slow filter, which makes intervals too short;
+/// more make them scatter.
 const MAX_LAG: usize = 30;
 
 /// How the noise depends on itself from row to row: its correlation at lags 0 to [`MAX_LAG`], tapered to zero

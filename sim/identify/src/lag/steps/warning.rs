@@ -20,6 +20,7 @@ impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::NotSteady => f.write_str("the motor does not run steadily there"),
+            // Less than shows as 0.1 %.
             Self::Idle { share } if share.abs() < 0.0005 => f.write_str("the motor stands still there"),
             Self::Idle { share } => write!(
                 f,

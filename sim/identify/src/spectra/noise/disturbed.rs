@@ -14,19 +14,24 @@ use rotorlead_numerics::sample::{median, window};
 use rotorlead_numerics::statistics::f_upper_tail;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
-/// Probability that a record without disturbance loses a line.
+/// Probability that a record without disturbance loses a line. Chosen: of 150 lines, one is then found from 13 times its surroundings
+/// on with two periods, from 5.5 with four (F); a lost line of 150 costs little.
 const LEVEL: f64 = 0.01;
-/// The level next to a line that stands out.
+/// The level next to a line that stands out, of that line alone. Chosen: from 5.4 times its surroundings on with two periods, from 3.0 with
+/// four (F); the four lines beside lose one by chance in 4 % of such places.
 const LEVEL_BESIDE: f64 = 0.01;
-/// How many lines to either side count as next to it.
+/// How many lines to either side count as next to it. Chosen: the bin of a sinusoid and two to either side hold 92 % of its power or more.
 const BESIDE: usize = 2;
-/// Lines to either side whose median is the scale.
+/// Lines to either side whose median is the scale. Chosen: of 31 lines and two periods it is known to 26 %, `1 / (ln 2 sqrt(31))`;
+/// more reach beyond where the smooth shape is right.
 const REACH: usize = 15;
-/// What is below this many times its surroundings does little harm, and the smooth shape may be off by some of that.
+/// What is below this many times its surroundings does little harm, and the smooth shape may be off by some of that. Chosen: the test alone
+/// would take less from nine degrees of freedom, ten periods, on.
 const SMALLEST_RATIO: f64 = 3.0;
-/// If more than this share of the lines stood out, the surroundings would not be what is normal.
+/// If more than this share of the lines stood out, the surroundings would not be what is normal. Chosen: a median bears half its values
+/// being off, and hum with its leakage takes a few lines.
 const LARGEST_SHARE: f64 = 0.2;
-/// Fewer lines than this have no surroundings.
+/// Fewer lines than this have no surroundings. Chosen: the median of fewer is off by 46 % or more with two periods.
 const FEWEST_LINES: usize = 10;
 
 /// Which of the variances (relative to a smooth shape, `dof` complex degrees of freedom each) stand out; none when so

@@ -16,15 +16,18 @@ use std::f64::consts::LN_10;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// With fewer lines than this the shape is flat.
+/// With fewer lines than this the shape is flat. Chosen: two pools of eleven lines; within so few, the spline would follow the scatter.
 const FEWEST_LINES: usize = 20;
-/// The shift `b` in mean distances of two lines: as many as [`super::pool`] takes together by default.
+/// The shift `b` in mean distances of two lines: as many as [`super::pool`] takes together by default. Tuned on noise that falls by 35 dB
+/// (the test below): with 5 the error of the logarithm is within 0.35, with 11 within 0.2.
 const SHIFT_LINES: f64 = 11.0;
-/// Distance of the knots in `x`, a factor of 1.5 in frequency.
+/// Distance of the knots in `x`, a factor of 1.5, `e^0.4`, in frequency. Chosen: finer than a low-pass bends; the stiffness, not the knots,
+/// decides how smooth the shape is, so that finer ones change only time.
 const KNOT_DISTANCE: f64 = 0.4;
-/// Stiffness that is tried, decimal exponents: hardly any to a straight line.
+/// Stiffness that is tried, decimal exponents: hardly any to a straight line. Chosen: the data of a knot weigh some 1 to 100, so that both
+/// ends are far beyond.
 const STIFFNESS: (f64, f64) = (-2.0, 6.0);
-/// Steps from one to the other.
+/// Steps from one to the other: half a decade each. Chosen: the likelihood changes little within a factor of three.
 const STIFFNESS_STEPS: u32 = 16;
 
 /// The shape at each of `bins` from the `sample` variances, of `dof` complex degrees of freedom each, of the lines that
