@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rotorlead_answer::{Answer, Section};
-use rotorlead_design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
+use rotorlead_design::redesign::{RedesignOptions, redesign};
 use rotorlead_diagnose::Diagnosis;
+use rotorlead_plant::bench::PAPER_AMPLITUDE;
 use rotorlead_records::files::{Quantity, check_writable};
 use rotorlead_results::{Chosen, design_section, redesign_answer};
 use serde_json::json;

@@ -12,6 +12,7 @@
 
 use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, InverseError, ReferenceModel};
 use rotorlead::inverse::TABLE_POINTS;
+use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 use rotorlead_plant::{Effect, InverseCompensator, InverseRange, Model, Point};
 
 use super::CompensatorError;
@@ -25,8 +26,6 @@ const ROBUST_PART: f64 = 0.9;
 /// How far beyond the measured commands the curve reaches the bound at which it goes on, and the inverse is used unless another range
 /// is asked for. Chosen: one distance between the paper's operating points; farther, the continued curve is a guess.
 pub const REACH: f64 = 0.05;
-/// Standard errors to either end of a 95 % interval. Standard: the normal quantile at 0.975.
-pub(super) const STANDARD_ERRORS: f64 = 1.96;
 
 /// What an inverse is asked for beside the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,7 +186,11 @@ fn known(model: &Model) -> Vec<KnownTimeConstant> {
                 let tau_s = point.time_constant_s;
                 // A ratio is what is known of a time constant, and keeps it above zero.
                 let share = point.time_constant_s_std.map_or(0.0, |std| std / tau_s);
-                KnownTimeConstant { command: point.nominal, tau_s, low_s: tau_s * (-STANDARD_ERRORS * share).exp() }
+                KnownTimeConstant {
+                    command: point.nominal,
+                    tau_s,
+                    low_s: tau_s * (-STANDARD_ERRORS_OF_95_PERCENT * share).exp(),
+                }
             };
             model.points.iter().map(of).collect()
         }
@@ -206,7 +209,7 @@ fn known(model: &Model) -> Vec<KnownTimeConstant> {
 fn time_constant_factor(effect: &Effect) -> (f64, f64) {
     let with_std = |name: &str| {
         let value = effect.parameters.get(name).copied()?;
-        Some((value, STANDARD_ERRORS * effect.std.get(name).copied().unwrap_or(0.0)))
+        Some((value, STANDARD_ERRORS_OF_95_PERCENT * effect.std.get(name).copied().unwrap_or(0.0)))
     };
     match effect.kind.as_str() {
         "parameter_error" => with_std("time_constant_error").map_or((1.0, 1.0), |(error, off)| {

@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+/// A normal distribution's standard deviation over the median of its absolute deviations: `1 / Phi^-1(3/4)`.
+pub const STD_PER_MEDIAN_DEVIATION: f64 = 1.482_602_218_505_602;
+
 /// Arithmetic mean; zero of nothing.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {

@@ -3,6 +3,9 @@
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
+/// Standard errors to either end of an interval of 95 %: the normal quantile at 97.5 %.
+pub const STANDARD_ERRORS_OF_95_PERCENT: f64 = 1.96;
+
 /// Quantile of Student's t distribution; of the normal distribution for infinite degrees of freedom.
 #[must_use]
 pub fn t_quantile(probability: f64, dof: f64) -> f64 {

@@ -4,6 +4,12 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+/// Nominal commands closer than this are one. Chosen: above the rounding of decimals, far below a 12-bit command's step of 2.4e-4.
+pub const SAME_NOMINAL: f64 = 1e-6;
+/// A mean command is that of a nominal command, and two logs are at one, within this. Chosen: a time constant changes by a percent or two
+/// over it; less splits levels that are rounded differently.
+pub const NOMINAL_TOLERANCE: f64 = 0.01;
+
 /// A set of records of one actuator: an `experiment.toml` and its CSV files, in memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {

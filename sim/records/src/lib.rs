@@ -26,7 +26,7 @@ mod write;
 mod tests;
 
 pub use error::RecordError;
-pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL};
 pub use finding::{Finding, Severity, Topic};
 pub use fleet::{FleetList, FleetLog};
 pub use inspect::{Inspection, Unreadable};

@@ -5,15 +5,13 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Excitation, Experiment, Output, Record, Role};
+use super::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role};
 use crate::files::{Fault, FileError, Place, TextFile, TomlFile, is_plain_name};
 
 /// The file's name in the experiment's folder.
 pub(super) const MANIFEST: &str = "experiment.toml";
 
-/// A record is of the nominal command that is described within this.
-const SAME_NOMINAL: f64 = 0.01;
-/// And its period is the same within this share.
+/// A period is the same within this share.
 const SAME_PERIOD: f64 = 1e-9;
 
 /// The file as it is written.
@@ -223,7 +221,7 @@ impl Entry {
             Some(("excitation", self.excitation.name().to_owned(), record.excitation.name().to_owned()))
         } else if !is_same_period {
             Some(("period_s", period(self.period_s), period(record.period_s)))
-        } else if (self.nominal - record.nominal).abs() > SAME_NOMINAL {
+        } else if (self.nominal - record.nominal).abs() > NOMINAL_TOLERANCE {
             Some(("nominal", self.nominal.to_string(), format!("{:.4}", record.nominal)))
         } else if self.compensated != record.compensated {
             Some(("compensated", self.compensated.to_string(), record.compensated.to_string()))

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 
 use rotorlead_numerics::sample::median;
+use rotorlead_records::NOMINAL_TOLERANCE;
 
 use super::drift::Drift;
 use super::outlying::{OUTLYING_SCORE, scores};
-use super::{FEWEST_LOGS, FleetMember, Quantity, SAME_NOMINAL};
+use super::{FEWEST_LOGS, FleetMember, Quantity};
 
 /// The family-wise probability of calling a drift where no motor has one. Standard: 5 %, the level of the 95 % interval beside it.
 const DRIFT_LEVEL: f64 = 0.05;
@@ -77,7 +78,7 @@ impl fmt::Display for FewLogs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "no command is shared by {FEWEST_LOGS} logs: logs are compared at equal nominal commands, within {SAME_NOMINAL}"
+            "no command is shared by {FEWEST_LOGS} logs: logs are compared at equal nominal commands, within {NOMINAL_TOLERANCE}"
         )
     }
 }
@@ -116,7 +117,7 @@ fn levels(logs: &[FleetMember], quantity: Quantity) -> Vec<(f64, f64)> {
     let mut levels = Vec::new();
     let mut rest = &points[..];
     while let Some((first, ..)) = rest.first() {
-        let (level, others) = rest.split_at(rest.partition_point(|(nominal, ..)| nominal - first <= SAME_NOMINAL));
+        let (level, others) = rest.split_at(rest.partition_point(|(nominal, ..)| nominal - first <= NOMINAL_TOLERANCE));
         rest = others;
         let usual = median(level.iter().map(|(_, value, _)| *value));
         let sharing: HashSet<usize> = level.iter().map(|(.., log)| *log).collect();
@@ -132,7 +133,7 @@ fn deviation(log: &FleetMember, quantity: Quantity, levels: &[(f64, f64)]) -> Op
         .points
         .iter()
         .filter_map(|point| {
-            let (_, usual) = levels.iter().find(|(nominal, _)| (nominal - point.nominal).abs() <= SAME_NOMINAL)?;
+            let (_, usual) = levels.iter().find(|(nominal, _)| (nominal - point.nominal).abs() <= NOMINAL_TOLERANCE)?;
             Some(point.logarithm(quantity) - usual)
         })
         .collect();

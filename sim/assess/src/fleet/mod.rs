@@ -12,9 +12,6 @@ pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare
 pub use drift::Drift;
 pub use outlying::{FEWEST_SCORED, OUTLYING_SCORE};
 
-/// Commands are the same within this. Chosen: a time constant changes by a percent or two over it; less splits levels that two logs round
-/// differently.
-pub const SAME_NOMINAL: f64 = 0.01;
 /// Logs that a command must have for a usual value. Derived: a median of two is one of them, and cannot say which of the two is odd.
 pub const FEWEST_LOGS: usize = 3;
 

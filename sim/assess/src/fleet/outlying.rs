@@ -1,15 +1,12 @@
 //! What stands out among numbers most of which are alike.
 
-use rotorlead_numerics::sample::median;
+use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 
 /// A score from which on a number stands out. Standard: Iglewicz and Hoaglin, 1993. Of normal numbers one in 2000 does.
 pub const OUTLYING_SCORE: f64 = 3.5;
 /// Numbers below which nothing is scored: their spread is not known. Chosen: a median deviation of eight withstands three bad ones
 /// and scatters by 40 % already.
 pub const FEWEST_SCORED: usize = 8;
-
-/// `0.6745 = Phi^-1(3/4)`, which makes the median of absolute deviations a standard deviation.
-const NORMAL_QUARTILE: f64 = 0.674_489_750_196_081_7;
 
 /// Distances from the median in standard deviations, both as most of the numbers have them: the modified z-scores of B. Iglewicz and
 /// D. Hoaglin, "How to Detect and Handle Outliers", 1993. `None` of fewer than [`FEWEST_SCORED`], and where most are the same.
@@ -19,5 +16,5 @@ pub(super) fn scores(values: &[f64]) -> Option<Vec<f64>> {
     }
     let middle = median(values.iter().copied())?;
     let spread = median(values.iter().map(|value| (value - middle).abs()))?;
-    (spread > 0.0).then(|| values.iter().map(|value| NORMAL_QUARTILE * (value - middle) / spread).collect())
+    (spread > 0.0).then(|| values.iter().map(|value| (value - middle) / (STD_PER_MEDIAN_DEVIATION * spread)).collect())
 }

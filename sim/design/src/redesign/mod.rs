@@ -26,8 +26,6 @@ use super::{
 };
 use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 
-/// Amplitude of the paper's experiments.
-pub const PAPER_AMPLITUDE: f64 = 0.05;
 /// How far beyond the linear bandwidth the chain is searched. Chosen: a bandwidth farther up is reported as beyond; each factor
 /// of 2.5 costs seven sinusoids.
 const SEARCHED_BEYOND: f64 = 2.5;

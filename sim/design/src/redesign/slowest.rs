@@ -5,7 +5,7 @@
 
 use rotorlead_plant::Model;
 
-use crate::inverse::STANDARD_ERRORS;
+use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 
 /// `model` with each time constant at the upper end of its 95 % interval, and each direction of an unequal lag as far from the other as
 /// the records allow; `None` where nothing is known of that.
@@ -37,7 +37,7 @@ pub(super) fn slowest_within_interval(model: &Model) -> Option<Model> {
 
 /// The upper end of the interval of what is known as a ratio.
 fn longer(value: f64, std: f64) -> f64 {
-    value * (STANDARD_ERRORS * std / value).exp()
+    value * (STANDARD_ERRORS_OF_95_PERCENT * std / value).exp()
 }
 
 #[cfg(test)]

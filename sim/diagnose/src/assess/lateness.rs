@@ -7,7 +7,7 @@
 use serde::Serialize;
 use std::fmt;
 
-use rotorlead_numerics::sample::median;
+use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 use rotorlead_plant::effect::Site;
 
 use crate::data::dataset::Record;
@@ -34,8 +34,6 @@ const MORE: f64 = 2.0;
 /// A step is one where it has this part of the size by which it is compared. Derived: that is its own size, or half of the usual one for
 /// smaller steps; a tenth is left for rows that are cut out.
 const LEAST_SIZE: f64 = 0.9;
-/// Standard deviation of a Gaussian over the median of its absolute deviations. Standard: one over its quantile at 75 %.
-const STD_OF_MEDIAN: f64 = 1.4826;
 
 /// A delay beside what the log shows of its own timing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -75,7 +73,7 @@ impl Lateness {
         Some(Self {
             delay_s: delay.values[0],
             row_s,
-            scatter_s: STD_OF_MEDIAN * off_s,
+            scatter_s: STD_PER_MEDIAN_DEVIATION * off_s,
             of_lags_s: -LAGS_DIFFER * (1.0 - BEGUN).ln() * hypothesis.base[0].time_constant_s,
             steps: late_s.len(),
             stalled_steps,

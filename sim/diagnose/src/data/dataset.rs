@@ -10,7 +10,7 @@ use rotorlead_identify::rows::columns::response_column;
 use rotorlead_identify::simulation::periodic::{commands_per_row, upsampled};
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_plant::{Lag, OperatingCurve};
-use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role};
+use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role, SAME_NOMINAL};
 
 use super::auxiliary::{AuxiliaryChannel, auxiliary_channels};
 use super::columns::{Channel, Column, channels};
@@ -21,8 +21,6 @@ use crate::DiagnoseError;
 use crate::noise::hum;
 use crate::noise::whitening::Whitening;
 
-/// Commands closer than this are the same nominal command. Chosen: above rounding, and far below the 2.4e-4 of a 12-bit command.
-const SAME_NOMINAL: f64 = 1e-6;
 /// Rows nearer to each other than this part of the time between two are taken at the same moment. Chosen: above the digits of stamps, and
 /// far below a row; a response moves by a thousandth of what it does from row to row.
 const SAME_ROW: f64 = 1e-3;

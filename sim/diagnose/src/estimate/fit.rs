@@ -6,9 +6,10 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rotorlead_numerics::least_squares::{self, Damping, Decrease, NormalEquations, SearchEnd, Strategy};
 use rotorlead_numerics::normal_equations::scaled_inverse;
+use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 use rotorlead_plant::effect::Site;
 
-use crate::estimate::linearization::{EFFECT_STEP, Linearization};
+use crate::estimate::linearization::{EFFECT_STEP, Linearization, SMOOTH_STEP};
 use crate::likelihood::Likelihood;
 use crate::model::candidate::{Candidate, slope};
 use crate::model::hypothesis::{Coordinate, Hypothesis};
@@ -19,11 +20,6 @@ pub(crate) const MOST_STEPS: usize = 25;
 /// A search ends where a step gains less than this in the sum of squares. Derived: a fifth of what one parameter gains by chance, the mean
 /// of a chi-square of one degree of freedom. Lower costs steps that decide nothing.
 const ENOUGH: f64 = 0.2;
-/// Standard deviations of an interval of 95 %. Standard: the quantile of the normal distribution at 97.5 %.
-const TWO_SIDED: f64 = 1.96;
-/// Step for derivatives by values of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way
-/// is another one. Derived: as exact as that of lags.
-const FINE_STEP: f64 = 1e-4;
 /// Added to the unit diagonal of the normal equations for the covariance. Chosen: far above rounding; what has no effect at all has a
 /// standard error of 1e5, and what has some its own.
 const RIDGE: f64 = 1e-10;
@@ -95,10 +91,10 @@ fn search(likelihood: &Likelihood, start: &Hypothesis, coordinates: Vec<Coordina
     let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
     let mut found = descend(likelihood, start, coordinates, EFFECT_STEP, pace)?;
     if has_effects && pace.most_steps >= MOST_STEPS {
-        found = descend(likelihood, &found.at.hypothesis, found.linearization.coordinates, FINE_STEP, pace)?;
+        found = descend(likelihood, &found.at.hypothesis, found.linearization.coordinates, SMOOTH_STEP, pace)?;
         for _ in 0..MOST_LOOKS {
             let Some(at) = look_around(likelihood, &found) else { break };
-            let other = descend(likelihood, &at, found.linearization.coordinates.clone(), FINE_STEP, pace)?;
+            let other = descend(likelihood, &at, found.linearization.coordinates.clone(), SMOOTH_STEP, pace)?;
             // It was evaluated to first order only.
             if other.at.sum >= found.at.sum {
                 break;
@@ -237,7 +233,7 @@ impl Fit {
         let mut excludes = vanishes.map(|(value, parameter)| {
             let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
             let std = std * slope(parameter, candidate.values[value]).abs();
-            (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
+            (candidate.values[value] - parameter.null).abs() > STANDARD_ERRORS_OF_95_PERCENT * std
         });
         // A limit vanishes at no number.
         excludes.next().is_none_or(|first| first || excludes.any(|excludes| excludes))
@@ -250,7 +246,7 @@ impl Fit {
             let neutral = shape.default().unwrap_or(shape.null);
             let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
             let std = std * slope(shape, candidate.values[value]).abs();
-            (candidate.values[value] - neutral).abs() > TWO_SIDED * std
+            (candidate.values[value] - neutral).abs() > STANDARD_ERRORS_OF_95_PERCENT * std
         })
     }
 

@@ -11,9 +11,10 @@ use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{Coordinate, Hypothesis};
 use crate::noise::whitening::dot;
 
-/// Steps for derivatives, in coordinates: of lags and alignment. Derived: a difference is off by half of it, 5e-5, of the second
+/// Steps for derivatives, in coordinates: of lags and alignment, and in the end of values of effects too, since over a longer way many
+/// commands come to a limit or leave it. Derived: a difference is off by half of it, 5e-5, of the second
 /// derivative and by 1e-12 of rounding.
-const SMOOTH_STEP: f64 = 1e-4;
+pub(crate) const SMOOTH_STEP: f64 = 1e-4;
 /// The same of values of effects. Chosen: 0.2 % of a value or range, so that many commands cross a limit over it. Smaller sees single
 /// commands; larger is off by the bend of the response.
 pub(crate) const EFFECT_STEP: f64 = 2e-3;

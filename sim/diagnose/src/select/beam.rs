@@ -19,9 +19,6 @@ use crate::select::weak_evidence::{self, WeakEvidence};
 /// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for. Chosen: 1.5 times what an
 /// explanation may leave, for a third that takes away the rest. Higher costs time; lower loses third effects.
 const HOPELESS: f64 = 0.15;
-/// The same where periods do not repeat: levels are off for more reasons than have a name. Chosen: as much as an explanation of logs may
-/// leave.
-const HOPELESS_IN_LOGS: f64 = 0.5;
 /// What scores less than this part of the best is not followed. Chosen: half of a pair may explain little alone, so that it is far below
 /// one. Higher loses pairs; lower costs time.
 const PART_OF_BEST: f64 = 0.2;
@@ -72,7 +69,7 @@ impl Search<'_> {
         for size in 1..=MOST_EFFECTS {
             let zero = pool.get(&[])?;
             let is_noise = self.is_noise(&best.fit);
-            let hopeless = if self.likelihood.data.has_logs() { HOPELESS_IN_LOGS } else { HOPELESS };
+            let hopeless = if self.likelihood.data.has_logs() { POLICY.most_left_of_logs } else { HOPELESS };
             if size == MOST_EFFECTS && (is_noise || self.leaves(&best.fit, &zero.fit) > hopeless) {
                 break;
             }

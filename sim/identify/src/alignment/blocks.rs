@@ -13,7 +13,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rotorlead_numerics::least_squares::Residuals as _;
-use rotorlead_numerics::sample::{mean, median};
+use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, mean, median};
 
 use super::problem::{AlignmentProblem, DELAY, GAIN};
 
@@ -38,8 +38,6 @@ const LEAST_BLOCKS: usize = 6;
 /// Tuning constant of Tukey's biweight, standard deviations. Standard (Maronna, Martin, Yohai): 95 % of the efficiency of least squares
 /// where all errors are normal.
 const TUKEY: f64 = 4.685;
-/// Standard deviation of a normal distribution over the median of its absolute values. Derived: `1 / Phi^-1(3/4)`.
-const OF_MEDIAN: f64 = 1.4826;
 /// Passes: each brings the line nearer to where the delays of the blocks are zero. Chosen: the delays are linear in the line near its end,
 /// so that a few passes settle it and more cost only time.
 const ROUNDS: usize = 12;
@@ -173,7 +171,7 @@ impl WeightedLine {
         let mut weighed = Vec::new();
         for _ in 0..REWEIGHTINGS {
             let off = |block: &Block| block.delay_s - lever(block).dot(&at);
-            let scale_s = OF_MEDIAN * median(blocks.iter().map(|block| off(block).abs()))?;
+            let scale_s = STD_PER_MEDIAN_DEVIATION * median(blocks.iter().map(|block| off(block).abs()))?;
             weighed = blocks.iter().map(|block| Weighed::new(off(block), block.variance + scale_s * scale_s)).collect();
             let pairs = || blocks.iter().zip(&weighed).map(|(block, of)| (lever(block), of.weight(), block.delay_s));
             let normal = pairs().map(|(x, w, _)| w * x * x.transpose()).sum::<Matrix2<f64>>() + pinned;

@@ -1,6 +1,6 @@
 //! One record out of two logs.
 
-use super::{Alignment, AlignmentError, CommandLog, ResponseLog};
+use super::{Alignment, AlignmentError, CommandLog, LEAST_ROWS, ResponseLog};
 
 /// Which rows the merged record has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,9 +29,6 @@ pub struct Merged {
     /// Gaps of the response log within the merged time.
     pub gaps: usize,
 }
-
-/// Fewest rows of a merged record. Chosen: as many as two logs need in common to be aligned.
-const LEAST_ROWS: usize = 50;
 
 /// Puts both logs on the command's clock, moved together by the delay: what comes out shows `keep_s` of dead time, zero
 /// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs). `beside` are other

@@ -11,7 +11,7 @@
 //! Rows need not be even: `rows::even`.
 
 use rotorlead_numerics::sample::median;
-use rotorlead_records::{Excitation, Experiment, Record, Role};
+use rotorlead_records::{Excitation, Experiment, Record, Role, SAME_NOMINAL};
 
 use crate::error::IdentifyError;
 use crate::frequency_response::hold::HoldChain;
@@ -19,22 +19,24 @@ use crate::frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynom
 use crate::goodness_of_fit::fit_percent;
 use crate::lag::first_order::{FirstOrderOptions, FitLine, fit_first_order};
 use crate::lag::multisine::IdentifyWarning;
-use crate::lag::multisine::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, plausibility};
+use crate::lag::multisine::{NominalIdentification, PeriodicIdentification, plausibility};
 use crate::rows::clipping;
 use crate::rows::clipping::ClippingLimit;
 use crate::rows::columns;
 use crate::rows::even::{EvenRows, HIGHEST_OF_UNEVEN_RATE};
 use crate::stand::StandModel;
 
-/// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows.
+/// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows. Chosen: a tenth below half the row
+/// rate, where a filter against aliasing has to be closed.
 const HIGHEST_OF_ROW_RATE: f64 = 0.45;
 
 /// Lines whose command has less than this share of its largest power are beyond the chirp: 30 dB, of which the sweep itself
-/// takes 25 where it is exponential from 0.1 to 30 Hz.
+/// takes 25, `10 log10(30 / 0.1)`, where it is exponential from 0.1 to 30 Hz. The other 5 dB are chosen, for the ripple of the sweep.
 const LEAST_EXCITED: f64 = 1e-3;
 
 /// Lines at which noise makes this many times as much of the response as it usually does of a command of their power: the command
-/// is hardly told from the run-up there. They would weigh nothing in the fit, and be all of its % fit.
+/// is hardly told from the run-up there. They would weigh nothing in the fit, and be all of its % fit. Chosen: a line of a hundredth of the
+/// usual weight is no loss.
 const MOST_CONFUSED: f64 = 100.0;
 
 /// Lags from chirps.

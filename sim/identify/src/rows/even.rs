@@ -21,6 +21,8 @@ use crate::rows::columns;
 /// Even rows per row of the log. Chosen: the held command is off by 0.5 % at the highest frequency then; twice as dense, by 0.1 %, with the
 /// response off by 1.8 % all the same.
 const DENSER: usize = 4;
+/// Rows that a cubic goes through.
+const NODES: usize = 4;
 /// An interval this many times the usual one is a gap, in which rows were lost and the command is not known. A script that was kept
 /// waiting for a moment held it meanwhile. Chosen: scripts often wait for less, and through more the response is
 /// unknown too.
@@ -52,7 +54,7 @@ impl EvenRows {
         stated_hz: Option<f64>,
     ) -> Result<Option<Self>, IdentifyError> {
         let response = columns::response_column(record, output)?;
-        if stated_hz.is_some() || columns::row_rate_hz(record, None).is_ok() || record.time_s.len() < DENSER {
+        if stated_hz.is_some() || columns::row_rate_hz(record, None).is_ok() || record.time_s.len() < NODES {
             return Ok(None);
         }
         let times = &record.time_s;
@@ -103,12 +105,15 @@ fn cubic(times: &[f64], values: &[f64], at_s: &[f64]) -> Vec<f64> {
         while row + 2 < times.len() && times[row + 1] <= at {
             row += 1;
         }
-        let first = row.saturating_sub(1).min(times.len() - 4);
-        let nodes = &times[first..first + 4];
+        let first = row.saturating_sub(1).min(times.len() - NODES);
+        let nodes = &times[first..first + NODES];
         let weight = |k: usize| -> f64 {
-            (0..4).filter(|&other| other != k).map(|other| (at - nodes[other]) / (nodes[k] - nodes[other])).product()
+            (0..NODES)
+                .filter(|&other| other != k)
+                .map(|other| (at - nodes[other]) / (nodes[k] - nodes[other]))
+                .product()
         };
-        (0..4).map(|k| weight(k) * values[first + k]).sum()
+        (0..NODES).map(|k| weight(k) * values[first + k]).sum()
     };
     at_s.iter().map(value).collect()
 }

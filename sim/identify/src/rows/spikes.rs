@@ -1,6 +1,6 @@
 //! Readings that cannot be the rotor's.
 
-use rotorlead_numerics::sample::median;
+use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 
 /// Rows on each side of a reading that it is compared with. A median of nine rides over four bad
 /// readings in a row and leaves any monotone transient as it is.
@@ -13,8 +13,8 @@ const SHARE: f64 = 0.05;
 
 /// The response with spikes replaced by the median of their neighbors, and which rows those are.
 ///
-/// Hampel's filter: the standard deviation is 1.4826, which is `1 / Phi^-1(3/4)`, times the median of all distances from the running
-/// median (Pearson 2002, Outliers in process modeling and identification), so the spikes themselves do
+/// Hampel's filter: the standard deviation is taken from the median of all distances from the running median
+/// (Pearson 2002, Outliers in process modeling and identification), so the spikes themselves do
 /// not widen it.
 pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
     let n = y.len();
@@ -27,7 +27,7 @@ pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
     // Standstill reads exactly zero and says nothing of the noise.
     let distances = (0..n).filter(|&k| center[k] != 0.0).map(|k| (y[k] - center[k]).abs());
     let Some(distance) = median(distances) else { return (y.to_vec(), vec![false; n]) };
-    let std = 1.4826 * distance;
+    let std = STD_PER_MEDIAN_DEVIATION * distance;
     let spike: Vec<bool> =
         (0..n).map(|k| (y[k] - center[k]).abs() > (STDS * std).max(SHARE * center[k].abs())).collect();
     let clean = (0..n).map(|k| if spike[k] { center[k] } else { y[k] }).collect();

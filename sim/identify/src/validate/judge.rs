@@ -13,14 +13,12 @@ use crate::frequency_response::hold::HoldChain;
 use crate::frequency_response::{FrequencyResponse, ResponseLine};
 use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
 use crate::lag::first_order::FitLine;
+use crate::lag::multisine::SMOOTHING_HALF_WIDTH;
 use crate::lag::steps::Run;
 use crate::rows::columns;
 use crate::simulation::periodic::{Rates, simulated_periods};
 use crate::simulation::{align, fit_initial_state, fit_offset_and_initial_state, run_actuator};
 use crate::spectra::{Spectrum, SpectrumOptions};
-
-/// Half width of the Hann window of what is drawn, lines: as in identification. Derived: it averages `(sum W)^2 / sum W^2 = 6.7` lines.
-const SMOOTHING_HALF_WIDTH: usize = 4;
 
 /// One record and what it is judged with.
 pub(super) struct Judge<'a> {

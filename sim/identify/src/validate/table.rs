@@ -1,11 +1,8 @@
 //! The paper's Table 2, from records.
 
-use rotorlead_records::Excitation;
+use rotorlead_records::{Excitation, SAME_NOMINAL};
 
 use super::{RecordValidation, Role};
-
-/// Nominal commands closer than this are the same. Chosen: above the rounding of decimals, far below a 12-bit command's step of 2.4e-4.
-const SAME_NOMINAL: f64 = 1e-6;
 
 /// % fit, and what a perfect model would score.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -14,7 +14,7 @@ mod run;
 mod signal;
 
 pub use error::BenchError;
-pub use plan::{Plan, PlannedRecord};
+pub use plan::{PAPER_AMPLITUDE, Plan, PlannedRecord};
 pub use predict::Prediction;
 pub use run::file_stem;
 pub use run::{Progress, add_noise, run, run_on, run_through};

@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::noise::Noise;
 
 /// Peak deviation of the command in the paper's experiments.
-const PAPER_AMPLITUDE: f64 = 0.05;
+pub const PAPER_AMPLITUDE: f64 = 0.05;
 /// Thrust noise of the generated plan, newtons per row at 1 kHz.
 const DEFAULT_SIGMA_N: f64 = 0.02;
 /// A generated plan leaves out points with less room than this between them and the ends of the command's range.

@@ -6,11 +6,10 @@ use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Mark, Panel, Series};
 use rotorlead_identify::frequency_response::FrequencyResponse;
 use rotorlead_identify::frequency_response::etfe::ResponsePoint;
+use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 
 /// Probability that a band holds the truth, at each line.
 pub(super) const BAND: f64 = 0.95;
-/// Standard errors to either side of such a band, where the error's variance is known well.
-const REACH: f64 = 1.96;
 
 /// One response.
 #[derive(Clone, Debug)]
@@ -69,7 +68,7 @@ impl Curve {
     #[must_use]
     pub fn measured(name: impl Into<String>, mark: Mark, color: Color, points: &[ResponsePoint], scale: f64) -> Self {
         let band = |point: &ResponsePoint| {
-            let reach = REACH * point.magnitude_std();
+            let reach = STANDARD_ERRORS_OF_95_PERCENT * point.magnitude_std();
             let magnitude = point.response.norm();
             let share = reach / magnitude;
             let phase = if share < 1.0 { share.asin() } else { std::f64::consts::PI };

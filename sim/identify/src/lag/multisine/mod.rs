@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead_plant::{Actuator, EscTiming, OperatingPoint};
-use rotorlead_records::{Excitation, Experiment, Record, Role};
+use rotorlead_records::{Excitation, Experiment, Record, Role, SAME_NOMINAL};
 
 use crate::error::IdentifyError;
 use crate::estimate::Estimate;
@@ -33,11 +33,12 @@ pub use measured_bandwidth::MeasuredBandwidth;
 use transformed::{Transformed, behind_holds, suspicions};
 pub use warning::IdentifyWarning;
 
-/// Nominal commands closer than this are the same; a 12-bit command is 2.4e-4.
-pub(super) const SAME_NOMINAL: f64 = 1e-6;
-
-/// Below this tail probability the residual says that a first-order lag is not the whole truth.
+/// Below this tail probability the residual shows that a first-order lag is too simple. Chosen: one sound fit in a thousand is warned of.
 const MODEL_LEVEL: f64 = 1e-3;
+
+/// Half width of the Hann window that smooths what is drawn, lines. Chosen: it averages `(sum W)^2 / sum W^2 = 6.7` lines; a wider
+/// window would hide a resonance.
+pub const SMOOTHING_HALF_WIDTH: usize = 4;
 
 /// How periodic records are identified.
 #[derive(Clone, Copy)]
@@ -46,7 +47,7 @@ pub struct PeriodicOptions<'a> {
     pub spectrum: SpectrumOptions,
     /// How the lag is fitted.
     pub fit: FirstOrderOptions,
-    /// Half width of the ETFE's Hann window in lines.
+    /// Half width of the ETFE's Hann window in lines; by default [`SMOOTHING_HALF_WIDTH`].
     pub smoothing_half_width: usize,
     /// Response of the compensator at a frequency in rad/s, for compensated records without an
     /// `esc_command` column. With the column the ratio of the two commands is used.
@@ -63,7 +64,7 @@ impl Default for PeriodicOptions<'_> {
         Self {
             spectrum: SpectrumOptions::default(),
             fit: FirstOrderOptions::default(),
-            smoothing_half_width: 4,
+            smoothing_half_width: SMOOTHING_HALF_WIDTH,
             compensator: None,
             stand: None,
             long: &[],

@@ -5,7 +5,7 @@
 
 use rotorlead_numerics::sample::mean;
 use rotorlead_numerics::statistics::f_upper_tail;
-use rotorlead_records::Record;
+use rotorlead_records::{NOMINAL_TOLERANCE, Record};
 
 use super::{IdentifyWarning, MODEL_LEVEL};
 use crate::error::{IdentifyError, with_advice};
@@ -17,27 +17,30 @@ use crate::rows::spikes::without_spikes;
 use crate::spectra::Spectrum;
 
 /// A reading is a jump when it is off its neighbors by this share of the range in which nearly all readings are. A motor
-/// gets there too, but not there and back within nine rows.
+/// gets there too, but not there and back within nine rows. Chosen: noise stays well within half the range, and a single smaller
+/// outlier among thousands of rows hardly moves a fit.
 const JUMP_SHARE: f64 = 0.5;
-/// The share of readings on each side that the range leaves out.
+/// The share of readings on each side that the range leaves out. Chosen: it holds dozens of outliers in thousands of rows, and leaves
+/// more than 99.9 % of the range of a sine.
 const OUTSIDE: f64 = 0.01;
 
-/// A sensor has stopped when it reads the same for so many rows in a row...
+/// A sensor has stopped when it reads the same for so many rows in a row... Chosen: 50 ms at 1 kHz; noise renews most readings within a
+/// few rows.
 const FROZEN_ROWS: usize = 50;
-/// ...so many times as long as it usually does...
+/// ...so many times as long as it usually does... Chosen: the runs of a coarse or repeated reading differ by a few times, not by 20.
 const FROZEN_TIMES_USUAL: usize = 20;
-/// ...and for one in so many rows of the record. Play in a linkage is shorter.
+/// ...and for one in so many rows of the record. Play in a linkage is shorter. Chosen: 0.5 % of the rows changes a fit by about that.
 const FROZEN_ONE_IN: usize = 200;
 
-/// A mean command further than this from `nominal` is another operating point.
-const SAME_OPERATING_POINT: f64 = 0.01;
-
-/// Noise that is below this share of the largest line, in amplitude, is rounding.
+/// Noise that is below this share of the largest line, in amplitude, is rounding. Chosen: above the rounding of a simulation's digits,
+/// below a sensor's noise, some 1e-4.
 const ROUNDING: f64 = 1e-6;
 
-/// Dead times that are tried where none within the search explains the response, seconds.
+/// Dead times that are tried where none within the search explains the response, seconds. Chosen: ten times the default search; a motor
+/// has none of that length, but with the delay of its log left out, gain and lag are wrong too.
 const LONGEST_DELAY_S: f64 = 1.0;
-/// A dead time explains it when it leaves at most this share of what the fit leaves.
+/// A dead time explains it when its reduced chi-square is at most this share of the fit's. Chosen: a decrease by half is six times the
+/// scatter of a reduced chi-square over 300 degrees of freedom, 8 %, `sqrt(2 / 300)`.
 const EXPLAINS: f64 = 0.5;
 
 /// What the response's rows say against it; `limits` are those that it stands on.
@@ -61,7 +64,7 @@ pub(super) fn other_nominal(record: &Record, spectrum: &Spectrum) -> Option<Iden
     let whole = record.command.get(spectrum.rows_left_out..).unwrap_or_default();
     let mean = mean(whole);
     let other = IdentifyWarning::OtherNominal { file: record.file.clone(), nominal: record.nominal, mean };
-    ((mean - record.nominal).abs() > SAME_OPERATING_POINT).then_some(other)
+    ((mean - record.nominal).abs() > NOMINAL_TOLERANCE).then_some(other)
 }
 
 /// Rows whose reading jumps away and comes back.
@@ -84,7 +87,8 @@ fn jumps(response: &[f64]) -> Vec<usize> {
     (0..clean.len()).filter(|&row| spike[row] && (response[row] - clean[row]).abs() > least).collect()
 }
 
-/// A sensor that has stopped stands still for this many times as long as it ever does else.
+/// A sensor that has stopped stands still for this many times as long as it ever does else. Chosen: the longest runs of a coarse sensor,
+/// at the turns of the response, differ by less than a factor of 3.
 const FROZEN_TIMES_NEXT: usize = 3;
 
 /// The longest run of equal readings, its first row and how many rows, where the sensor has stopped.

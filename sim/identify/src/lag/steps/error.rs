@@ -3,6 +3,8 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::plateaus::{MIN_PLATEAU_ROWS, MIN_PLATEAU_S};
+
 /// Why a record gives no staircase fit, or a fit no model.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum StepsError {
@@ -31,7 +33,8 @@ pub enum StepsError {
     },
     /// The command is hardly ever held.
     #[error(
-        "{record}: it is no staircase: of {segments} levels of the command {long} are held for 0.25 s and 20 rows or more"
+        "{record}: it is no staircase: of {segments} levels of the command {long} are held for {MIN_PLATEAU_S} s and \
+         {MIN_PLATEAU_ROWS} rows or more"
     )]
     #[diagnostic(help(
         "hold each level for at least a second. A ramp is `triangle`, a flight `free` or, where the command repeats, another \
