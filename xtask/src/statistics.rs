@@ -7,9 +7,9 @@ use crate::run::{Result, cargo, run};
 /// an hour, and that decide by counting what the documentation claims, or end commands at many times.
 const CLAIMS: [(&str, &[&str], &str); 8] = [
     ("host-tests", &["--test", "cli"], "a_signal_at_any_time_of_any_command"),
-    ("host-tests", &["--test", "host"], "full_count"),
-    ("host-tests", &["--test", "host"], "order_8_is_chosen"),
-    ("host-tests", &["--test", "host"], "frequency_response::"),
+    ("rotorlead-identify", &["--test", "known_truth"], "full_count"),
+    ("rotorlead-identify", &["--test", "known_truth"], "order_8_is_chosen"),
+    ("rotorlead-identify", &["--test", "known_truth"], "frequency_response::"),
     ("host-tests", &["--test", "host"], "blind_inverse::"),
     ("rotorlead-identify", &["--test", "known_truth"], "alignment::"),
     ("rotorlead-identify", &["--test", "known_truth"], "static_map::"),

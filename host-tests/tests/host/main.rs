@@ -3,10 +3,8 @@
 mod blind;
 mod blind_inverse;
 mod docs;
-mod frequency_response;
 mod identification;
 mod outside;
 mod paper;
-mod parametric;
 mod real_logs;
 mod real_logs_diagnose;

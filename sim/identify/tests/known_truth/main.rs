@@ -2,9 +2,12 @@
 
 mod alignment;
 mod chirps;
+mod coverage;
+mod frequency_response;
 mod holds;
 mod hum;
 mod plausibility;
+mod stand;
 mod static_map;
 mod steps;
 mod steps_in_bad_logs;

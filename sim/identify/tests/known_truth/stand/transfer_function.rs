@@ -7,7 +7,7 @@ use rotorlead_identify::frequency_response::FrequencyResponse;
 use rotorlead_identify::stand::transfer_function::{Root, TransferFunction};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, fit_stand};
 
-use super::synthesis::Synthesis;
+use crate::coverage::synthesis::Synthesis;
 
 /// Frequencies before scaling, and damping ratios.
 const POLES: [(f64, f64); 4] = [(80.0, 0.06), (112.0, 0.05), (150.0, 0.04), (205.0, 0.05)];

@@ -13,7 +13,7 @@ use rotorlead_fourier as fourier;
 use rotorlead_identify::stand::{StandOptions, identify_stand};
 use rotorlead_records::Experiment;
 
-use super::stand::{check, truth};
+use super::transfer_function::{check, truth};
 
 const RATE_HZ: f64 = 2000.0;
 const ROWS: usize = 4000;

@@ -13,7 +13,7 @@ use rotorlead_identify::stand::transfer_function::{Root, TransferFunction};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
-use super::tally::repeats;
+use crate::coverage::tally::repeats;
 
 const RATE_HZ: f64 = 1000.0;
 const ROWS: usize = 2000;

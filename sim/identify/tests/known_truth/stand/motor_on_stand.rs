@@ -11,7 +11,7 @@ use rotorlead_identify::lag::multisine::{IdentifyWarning, PeriodicOptions, ident
 use rotorlead_identify::stand::{StandModel, StandRoot};
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
-use super::stand::truth;
+use super::transfer_function::truth;
 
 const RATE_HZ: f64 = 1000.0;
 const ROWS: usize = 10_000;
