@@ -6,18 +6,18 @@
 //! through the controller's own filter and the simulated actuator. Where an actuator is bounded in its command or in the
 //! rate of it, and the lead would ask for more than that below the bandwidth that it promises, the lead is refused.
 
-mod limits;
+mod command_limits;
 mod remarks;
 mod slowest;
 pub(super) mod sweep;
 
-pub use limits::Limit;
+pub use command_limits::Limit;
 pub use sweep::ChainBandwidth;
 
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, FilterDesign, LinearChain, Model, PlantError, Point};
 use serde::{Serialize, Serializer};
 
-use limits::Bound;
+use command_limits::Bound;
 use slowest::slowest_within_interval;
 use sweep::Sweep;
 

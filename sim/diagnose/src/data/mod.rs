@@ -4,6 +4,6 @@ pub(crate) mod auxiliary;
 pub(crate) mod columns;
 pub(crate) mod compensated;
 pub(crate) mod dataset;
-mod drive;
 pub(crate) mod plateaus;
+mod simulation_input;
 pub(crate) mod split;

@@ -1,7 +1,7 @@
 //! Where searches of an effect begin, by what its kind says of that ([`Search`]).
 
 pub(crate) mod collapsed;
-pub(crate) mod frames;
+pub(crate) mod frame_rate_scan;
 mod limit;
 mod peak;
 mod quantizer_step;

@@ -10,7 +10,7 @@ use crate::estimate::frame_rate;
 use crate::likelihood::hold_delay;
 use crate::model::candidate::Candidate;
 use crate::policy::POLICY;
-use crate::propose::frames;
+use crate::propose::frame_rate_scan;
 use crate::propose::scan::Scan;
 use crate::select::screen::Look;
 use crate::select::search::Search;
@@ -117,14 +117,14 @@ impl Search<'_> {
         // Where single changes wait alike there are no frames to be found.
         let framed = if waits > ALL_ALIKE { self.framed(&mean.fit, hold) } else { None }.map(|fit| self.member(fit));
         let found = framed.as_ref().map(|framed| framed.fit.chi_square);
-        let is_missed = frames::is_predicted_gain_unrealized(&self.likelihood, &mean.fit, hold, found);
+        let is_missed = frame_rate_scan::is_predicted_gain_unrealized(&self.likelihood, &mean.fit, hold, found);
         let best = framed.filter(|framed| framed.evidence > mean.evidence).unwrap_or(mean);
         if is_missed { Member { evidence: f64::NEG_INFINITY, ..best } } else { best }
     }
 
     /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show them.
     fn framed(&self, mean: &Fit, effect: usize) -> Option<Fit> {
-        let framed = frames::find_frame_rate(&self.likelihood, mean, effect)?;
+        let framed = frame_rate_scan::find_frame_rate(&self.likelihood, mean, effect)?;
         let framed = fit(&self.likelihood, &framed, self.lags)?;
         fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
     }

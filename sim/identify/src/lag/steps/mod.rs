@@ -23,11 +23,11 @@
 //! residual of the large steps into their time constants where something else starts them more gently, and make up and down
 //! differ where they do not.
 
+mod clipped_plateaus;
 mod curve;
 pub(crate) mod error;
 mod fit;
 mod levels;
-mod limits;
 mod model;
 mod plateaus;
 mod problem;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rotorlead_records::{Output, Record};
 
 use super::plateaus::{self, Plateau, PlateauState, runs, settled_from};
-use super::{StepsError, checked_response, limits, step};
+use super::{StepsError, checked_response, clipped_plateaus, step};
 use crate::rows::clipping::ClippingLimit;
 use crate::rows::spikes;
 
@@ -64,7 +64,7 @@ impl Run {
         let of = |range: Range<usize>| {
             let mut plateaus = all[range].to_vec();
             plateaus[0].rows.start = settled_from(&plateaus[0], &clean)?;
-            let limits = limits::mark_clipped_plateaus(&mut plateaus, &clean);
+            let limits = clipped_plateaus::mark_clipped_plateaus(&mut plateaus, &clean);
             Some(Self { clean: clean.clone(), spike: spike.clone(), plateaus, limits })
         };
         let found: Vec<Self> = runs(&all).into_iter().filter_map(of).collect();
