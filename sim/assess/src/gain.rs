@@ -1,6 +1,7 @@
 //! What takes away what a lead gains on a model.
 
 use rotorlead_design::{Chain, ChainPhase, DesignOptions, Latency, bandwidths_with, chain_phases, design};
+use rotorlead_plant::effect::transport_delay;
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 
 use crate::remedy;
@@ -30,7 +31,7 @@ pub fn dead_time_remedy(phase: &ChainPhase) -> String {
     if phase.model_dead_time_s > phase.compensated.late_s {
         format!(
             "{}. A lower bandwidth does not shorten it, but amplifies less noise above what can be used",
-            remedy("transport_delay")
+            remedy(transport_delay::ID)
         )
     } else {
         "use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \

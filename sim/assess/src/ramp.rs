@@ -1,11 +1,12 @@
 //! An ESC that ramps its command, which a lag with a dead time imitates well at the steps that it is fitted to.
 
 use rotorlead_diagnose::{Diagnosis, Options, diagnose};
+use rotorlead_plant::effect::slew_limit;
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 
 /// The effect, as the catalog has it.
-pub const KIND: &str = "slew_limit";
+pub const KIND: &str = slew_limit::ID;
 /// With the ramp in the model, what is left beyond noise has to shrink to this part of its power. Chosen: the ramp then explains more than
 /// all else together; less would name ramps that other effects imitate.
 const SHRINKS_TO: f64 = 0.5;

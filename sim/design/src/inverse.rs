@@ -13,6 +13,7 @@
 use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, InverseError, ReferenceModel};
 use rotorlead::inverse::TABLE_POINTS;
 use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
+use rotorlead_plant::effect::{asymmetric_lag, parameter_error};
 use rotorlead_plant::{Effect, InverseCompensator, InverseRange, Model, Point};
 
 use super::CompensatorError;
@@ -170,7 +171,7 @@ fn known(model: &Model) -> Vec<KnownTimeConstant> {
     let mut known: Vec<KnownTimeConstant> = match &model.time_constant_curve {
         Some(band) => {
             // The table has the faster direction.
-            let is_effect = model.effects.iter().any(|effect| effect.kind == "asymmetric_lag");
+            let is_effect = model.effects.iter().any(|effect| effect.kind == asymmetric_lag::ID);
             let ratio = band.down_over_up.filter(|_| !is_effect);
             let faster = ratio.map_or(1.0, |ratio| 0.5 * (1.0 + ratio.min(1.0 / ratio)));
             let rows = band.nominal.iter().zip(&band.time_constant_s).zip(&band.low_s);
@@ -212,12 +213,12 @@ fn time_constant_factor(effect: &Effect) -> (f64, f64) {
         Some((value, STANDARD_ERRORS_OF_95_PERCENT * effect.std.get(name).copied().unwrap_or(0.0)))
     };
     match effect.kind.as_str() {
-        "parameter_error" => with_std("time_constant_error").map_or((1.0, 1.0), |(error, off)| {
+        parameter_error::ID => with_std("time_constant_error").map_or((1.0, 1.0), |(error, off)| {
             // A ratio, as the time constant itself.
             let factor = 1.0 + error;
             (factor, factor * (-off / factor).exp())
         }),
-        "asymmetric_lag" => with_std("ratio").map_or((1.0, 1.0), |(ratio, off)| {
+        asymmetric_lag::ID => with_std("ratio").map_or((1.0, 1.0), |(ratio, off)| {
             let faster = ratio.max(1.0 / ratio).sqrt();
             (1.0 / faster, (-0.5 * off / ratio).exp() / faster)
         }),

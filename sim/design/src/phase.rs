@@ -1,6 +1,7 @@
 //! The phase of the whole chain, from the pulse in to the response, and how far it can be used.
 
 use num_complex::Complex64;
+use rotorlead_plant::effect::transport_delay;
 use rotorlead_plant::{ActiveEffect, Model, OperatingPoint, Point, hold_delay_s};
 
 use super::{BandwidthPoint, Chain, FrameStart, Latency};
@@ -105,7 +106,7 @@ pub fn chain_phases(
 
 /// The pure delay of an effect.
 fn dead_time_s(effect: &ActiveEffect) -> f64 {
-    if effect.kind().id == "transport_delay" { effect.value("delay_s").unwrap_or(0.0) } else { 0.0 }
+    if effect.kind().id == transport_delay::ID { effect.value("delay_s").unwrap_or(0.0) } else { 0.0 }
 }
 
 impl Chain<'_> {

@@ -1,5 +1,6 @@
 //! What is left of a bandwidth where the actuator is not as its model says.
 
+use rotorlead_plant::effect::{parameter_error, second_pole, supply_sag, transport_delay};
 use rotorlead_plant::{CompensatorDesign, Effect, Model, PlantError};
 use serde::Serialize;
 
@@ -41,21 +42,21 @@ impl Deviation {
 /// lag. Chosen: from what an interval allows to beyond it, and delays up to the longest of a real log (26 ms, `docs/diagnosis.md`).
 pub const DEVIATIONS: [Deviation; 12] = [
     Deviation::supply("as the model", 1.0),
-    Deviation::by("tau -20 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", -0.2)]),
-    Deviation::by("tau -10 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", -0.1)]),
-    Deviation::by("tau +10 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.1)]),
-    Deviation::by("tau +20 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.2)]),
-    Deviation::by("tau +40 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.4)]),
+    Deviation::by("tau -20 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", -0.2)]),
+    Deviation::by("tau -10 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", -0.1)]),
+    Deviation::by("tau +10 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", 0.1)]),
+    Deviation::by("tau +20 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", 0.2)]),
+    Deviation::by("tau +40 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", 0.4)]),
     Deviation::supply("voltage -10 %", 0.9),
     Deviation::by(
         "resistive sag 10 %",
-        "supply_sag",
+        supply_sag::ID,
         &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("square_part", 0.0)],
     ),
-    Deviation::by("delay 3 ms", "transport_delay", &[("delay_s", 0.003)]),
-    Deviation::by("delay 10 ms", "transport_delay", &[("delay_s", 0.010)]),
-    Deviation::by("delay 26 ms", "transport_delay", &[("delay_s", 0.026)]),
-    Deviation::by("second pole 5 ms", "second_pole", &[("time_constant_s", 0.005)]),
+    Deviation::by("delay 3 ms", transport_delay::ID, &[("delay_s", 0.003)]),
+    Deviation::by("delay 10 ms", transport_delay::ID, &[("delay_s", 0.010)]),
+    Deviation::by("delay 26 ms", transport_delay::ID, &[("delay_s", 0.026)]),
+    Deviation::by("second pole 5 ms", second_pole::ID, &[("time_constant_s", 0.005)]),
 ];
 
 /// What a compensator does on an actuator that differs: the worst and the best over the points of the model.

@@ -5,6 +5,7 @@ use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_identify::validate::same_output;
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::effect::Parameter;
+use rotorlead_plant::effect::parameter_error;
 use rotorlead_plant::{ActiveEffect, Catalog, Lag, Model, OperatingCurve, Point, StaticMap};
 use rotorlead_records::Experiment;
 
@@ -167,7 +168,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     }
     let model = improved(options.model, likelihood, &after, &effects);
     if let Some(ParameterMismatch { evidence, parameters, given }) = wrong
-        && let Some(kind) = options.catalog.find("parameter_error")
+        && let Some(kind) = options.catalog.find(parameter_error::ID)
     {
         let alone = gaps::compute_gaps(likelihood, &given, &after.hypothesis, false).total;
         let parameters = kind.parameters.iter().zip(parameters).collect();

@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 
 use rotorlead_plant::Noise;
 use rotorlead_plant::bench::{Plan, PlannedRecord};
+use rotorlead_plant::effect::esc_frame_hold;
 use rotorlead_plant::effect::{Confusion, Kind, Recipe, SQUARE_PERIODS, Site};
 use rotorlead_records::{Excitation, Output};
 
@@ -240,7 +241,7 @@ impl Diagnosis {
 
     fn planned(&self, recipe: &Recipe, name: &str, words: String, width: Option<f64>) -> NextExperiment {
         let conditions = &self.conditions;
-        let frame_hz = self.effects.iter().find(|effect| effect.kind.id == "esc_frame_hold");
+        let frame_hz = self.effects.iter().find(|effect| effect.kind.id == esc_frame_hold::ID);
         let frame_hz = frame_hz.and_then(|effect| effect.parameters.first()).map(|(_, estimate)| estimate.value);
         let (loop_rate_hz, sample_rate_hz) = rates(conditions, recipe.is_fast, frame_hz);
         let lines = if recipe.is_fast && f64::from(sample_rate_hz) >= RATE_FOR_45_HZ { 225 } else { 150 };

@@ -4,6 +4,7 @@ use miette::Diagnostic as _;
 use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, build_table};
 use rotorlead_design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
 use rotorlead_diagnose::{Diagnosis, Verdict};
+use rotorlead_plant::effect::{saturation, slew_limit};
 use serde_json::json;
 
 use crate::bandwidth::{bandwidth_cell, bandwidth_text};
@@ -73,7 +74,7 @@ pub fn redesign_notes(found: &Diagnosis, redesigned: &Redesign) -> Vec<String> {
     let mut notes = redesigned.remarks.clone();
     let others = || found.effects.iter().flat_map(|effect| &effect.alternatives);
     let bounds: Vec<&str> =
-        others().map(|kind| kind.id).filter(|id| ["slew_limit", "saturation"].contains(id)).collect();
+        others().map(|kind| kind.id).filter(|id| [slew_limit::ID, saturation::ID].contains(id)).collect();
     if !bounds.is_empty() {
         notes.push(format!(
             "The records cannot exclude {}, which would limit what a lead can do. Do the next experiment first.",
@@ -114,7 +115,7 @@ pub fn redesign_refusals(redesigned: &Redesign) -> Vec<String> {
 fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     let nominal = point.small.nominal;
     let what = match limit.kind.id {
-        "slew_limit" => format!("change faster than the {:.3} duty/s that are followed", limit.most),
+        slew_limit::ID => format!("change faster than the {:.3} duty/s that are followed", limit.most),
         _ => format!("go farther than the {:.3} duty that are left up to the clip", limit.most),
     };
     let from = limit.passed_from_rad_s.unwrap_or_default();
@@ -172,7 +173,11 @@ fn limits<'a>(points: &'a [RedesignPoint]) -> Option<Table> {
         Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |(nominal, _): &Row| *nominal),
         Typed::words("kind", "limit", |(_, limit): &Row| limit.kind.id),
         number("most", "most that is followed", Unit::NONE, 3, |limit| Some(limit.most)),
-        Typed::words("unit", "unit", |(_, limit): &Row| if limit.kind.id == "slew_limit" { "duty/s" } else { "duty" }),
+        Typed::words(
+            "unit",
+            "unit",
+            |(_, limit): &Row| if limit.kind.id == slew_limit::ID { "duty/s" } else { "duty" },
+        ),
         number("passed_from_rad_s", "passed from", Unit::RAD_S, 1, |limit| limit.passed_from_rad_s),
         number("largest_amplitude", "largest amplitude within it", Unit::DUTY, 4, |limit| {
             Some(limit.largest_amplitude)

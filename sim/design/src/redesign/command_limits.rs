@@ -12,6 +12,7 @@ use std::f64::consts::{FRAC_2_PI, PI};
 use num_complex::Complex64;
 use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::Kind;
+use rotorlead_plant::effect::{saturation, slew_limit};
 use serde::Serialize;
 
 use rotorlead_identify::frequency_response::bandwidth::THREE_DB;
@@ -55,11 +56,11 @@ impl Bound {
         let bound = |effect: &ActiveEffect| {
             let kind = effect.kind();
             match kind.id {
-                "slew_limit" => {
+                slew_limit::ID => {
                     let most = effect.value("rate_per_s")?;
                     Some(Self { kind, most, fundamental: 2.0 * FRAC_2_PI * most, of_rate: true })
                 }
-                "saturation" => {
+                saturation::ID => {
                     let (above, below) = (effect.value("max")? - nominal, nominal - effect.value("min")?);
                     let (most, width) = (above.min(below).max(0.0), above + below);
                     let fundamental = FRAC_2_PI * width * (PI * most / width).sin();

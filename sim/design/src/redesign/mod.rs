@@ -14,6 +14,7 @@ pub(super) mod sweep;
 pub use command_limits::Limit;
 pub use sweep::ChainBandwidth;
 
+use rotorlead_plant::effect::{saturation, slew_limit};
 use rotorlead_plant::{ActiveEffect, CompensatorDesign, FilterDesign, LinearChain, Model, PlantError, Point};
 use serde::{Serialize, Serializer};
 
@@ -195,11 +196,11 @@ impl KindOptions {
 fn limited(options: InverseOptions, effects: &[ActiveEffect]) -> InverseOptions {
     effects.iter().fold(options, |mut options, effect| {
         match effect.kind().id {
-            "slew_limit" => {
+            slew_limit::ID => {
                 let rate_per_s = effect.value("rate_per_s");
                 options.slew_per_s = options.slew_per_s.into_iter().chain(rate_per_s).reduce(f64::min);
             }
-            "saturation" => {
+            saturation::ID => {
                 let (low, high) = options.range;
                 let max = effect.value("max").map_or(high, |max| max.min(high));
                 let min = effect.value("min").map_or(low, |min| min.max(low));

@@ -4,6 +4,7 @@
 //! from there. Near 3 dB a percent of the ratio moves the bandwidth by many, so that the likeliest bandwidth is not one to rely on.
 
 use rotorlead_plant::Model;
+use rotorlead_plant::effect::{asymmetric_lag, parameter_error};
 
 use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 
@@ -21,8 +22,8 @@ pub(super) fn slowest_within_interval(model: &Model) -> Option<Model> {
     for effect in &mut slowest.effects {
         let (name, offset) = match effect.kind.as_str() {
             // One more than the factor that it is.
-            "parameter_error" => ("time_constant_error", 1.0),
-            "asymmetric_lag" => ("ratio", 0.0),
+            parameter_error::ID => ("time_constant_error", 1.0),
+            asymmetric_lag::ID => ("ratio", 0.0),
             _ => continue,
         };
         let (Some(value), Some(&std)) = (effect.parameters.get_mut(name), effect.std.get(name)) else { continue };

@@ -3,6 +3,7 @@
 use num_complex::Complex64;
 use rotorlead_identify::simulation::fit_offset_and_initial_state;
 use rotorlead_numerics::sample::mean;
+use rotorlead_plant::effect::parameter_error;
 use rotorlead_plant::effect::{Kind, Part, Site};
 use rotorlead_plant::{
     ActiveEffect, Actuator, Catalog, CommandSignal, EscTiming, Lag, OperatingPoint, PlantError, RotorBase, Start,
@@ -438,7 +439,7 @@ fn open_circuit(kind: &Kind) -> Option<usize> {
 /// The kind that stands for other numbers of the lag.
 fn parameter_error() -> Result<&'static Kind, PlantError> {
     let standard = Catalog::standard();
-    standard.find("parameter_error").ok_or(PlantError::Setting {
+    standard.find(parameter_error::ID).ok_or(PlantError::Setting {
         parameter: "kinds with other numbers of the lag",
         value: 0.0,
         limit: "one",

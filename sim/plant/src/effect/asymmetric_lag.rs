@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::rotor::{Motion, RotorEffect};
 
+/// What it is called in files.
+pub const ID: &str = "asymmetric_lag";
+
 /// Two time constants, one for each direction.
 pub static KIND: Kind = Kind {
-    id: "asymmetric_lag",
+    id: ID,
     title: "unequal lags up and down",
     site: Site::Rotor,
     equation: "tau = tau_nominal / sqrt(r) while the drive is above the speed, tau_nominal sqrt(r) while it is below, \
@@ -34,12 +37,12 @@ pub static KIND: Kind = Kind {
                 proportion to the amplitude, and a shift of the mean.",
     confusions: &[
         Confusion {
-            with: "operating_point_lag",
+            with: super::operating_point_lag::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: unequal lags stay unequal, a pole that moves with the speed becomes one.",
         },
         Confusion {
-            with: "quadratic_thrust",
+            with: super::quadratic_thrust::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase shows the static map alone; unequal lags go when it is slow.",
         },

@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
+/// What it is called in files.
+pub const ID: &str = "backlash";
+
 /// The output moves only where the command pushes it.
 pub static KIND: Kind = Kind {
-    id: "backlash",
+    id: ID,
     title: "backlash",
     site: Site::Command,
     equation: "p_k = min(max(p_(k-1), u_k - half_width), u_k + half_width), v_k = p_k + compliance (u_k - p_k)",
@@ -28,13 +31,13 @@ pub static KIND: Kind = Kind {
                 of the play's width that stays however slow the command is.",
     confusions: &[
         Confusion {
-            with: "dead_band",
+            with: super::dead_band::ID,
             recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle of ten times the play: after each turn play holds for its width and then follows \
                          smoothly, a dead band makes stairs all the way.",
         },
         Confusion {
-            with: "transport_delay",
+            with: super::transport_delay::ID,
             recipe: &Recipe::AMPLITUDES,
             experiment: "Double the amplitude: the phase of play halves, that of a delay stays.",
         },

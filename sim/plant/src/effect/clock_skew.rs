@@ -2,9 +2,12 @@
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 
+/// What it is called in files.
+pub const ID: &str = "clock_skew";
+
 /// The logger's clock runs differently from the controller's.
 pub static KIND: Kind = Kind {
-    id: "clock_skew",
+    id: ID,
     title: "skew between the clocks of controller and logger",
     site: Site::Logger,
     equation: "the response stamped t (from the record's first row) is that of t (1 + 1e-6 skew_ppm) on the controller's clock, \
@@ -16,7 +19,7 @@ pub static KIND: Kind = Kind {
     signature: "A phase that grows with frequency and with the time in the record: late periods lead (or lag) early ones in \
                 proportion to the frequency.",
     confusions: &[Confusion {
-        with: "transport_delay",
+        with: super::transport_delay::ID,
         recipe: &Recipe::LONG,
         experiment: "Compare early and late periods of a long record: a delay stays, skew grows from nothing.",
     }],

@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
+/// What it is called in files.
+pub const ID: &str = "command_quantization";
+
 /// Rounds the command to whole steps, as a protocol or a timer does.
 pub static KIND: Kind = Kind {
-    id: "command_quantization",
+    id: ID,
     title: "quantized command",
     site: Site::Command,
     equation: "v = step round(u / step)",
@@ -18,13 +21,13 @@ pub static KIND: Kind = Kind {
                 frequency and amplitude, spread over all lines; it is the same in every period of a periodic command.",
     confusions: &[
         Confusion {
-            with: "dead_band",
+            with: super::dead_band::ID,
             recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: stairs of a grid are at the same commands up and down, those of a dead band begin \
                          where the command turns.",
         },
         Confusion {
-            with: "backlash",
+            with: super::backlash::ID,
             recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: a grid leaves the mean response the same up and down, play does not.",
         },

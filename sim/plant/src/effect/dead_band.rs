@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
+/// What it is called in files.
+pub const ID: &str = "dead_band";
+
 /// Keeps the last command until the new one differs from it by the width.
 pub static KIND: Kind = Kind {
-    id: "dead_band",
+    id: ID,
     title: "dead band of command changes",
     site: Site::Command,
     equation: "v_k = u_k where |u_k - v_(k-1)| >= width (1 + width_growth_per_duty d), else v_(k-1), with d the deviation of u_k from \
@@ -32,12 +35,12 @@ pub static KIND: Kind = Kind {
                 where the command turned; half a width of lag on average, independent of speed.",
     confusions: &[
         Confusion {
-            with: "command_quantization",
+            with: super::command_quantization::ID,
             recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle with another turning point each time: the stairs of a dead band move with it.",
         },
         Confusion {
-            with: "backlash",
+            with: super::backlash::ID,
             recipe: &Recipe::SLOW_TURNS,
             experiment: "A slow triangle: play follows smoothly once it is taken up, a dead band jumps by its width.",
         },
@@ -77,10 +80,10 @@ fn ignore_below(width: impl Fn(f64) -> f64 + Send + 'static) -> Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{active, after_command_stages, fundamental, model};
     use crate::operating::OperatingCurve;
     use crate::rotor::RotorBase;
     use crate::stage::Segment;
+    use crate::testing::{active, after_command_stages, fundamental, model};
 
     #[test]
     fn what_is_below_the_width_does_not_come_out_and_a_ramp_comes_as_stairs() {

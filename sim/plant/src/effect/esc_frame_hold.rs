@@ -6,9 +6,12 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::esc_frame::EscFrame;
 use crate::hold::zero_order_hold;
 
+/// What it is called in files.
+pub const ID: &str = "esc_frame_hold";
+
 /// A zero-order hold, before any frames that the experiment itself states.
 pub static KIND: Kind = Kind {
-    id: "esc_frame_hold",
+    id: ID,
     title: "hold of the ESC's frame",
     site: Site::Command,
     equation: "v(t) = u(t_n) for t_n <= t < t_(n+1), t_n = (n + phase) / frame_hz; on average (1 - e^(-s F)) / (s F), F = 1 / frame_hz",
@@ -25,7 +28,7 @@ pub static KIND: Kind = Kind {
     signature: "Half a frame of delay, a droop of sin(x)/x with x = pi f / frame_hz, and images of every line at multiples of \
                 the frame rate plus and minus it.",
     confusions: &[Confusion {
-        with: "transport_delay",
+        with: super::transport_delay::ID,
         recipe: &Recipe::OTHER_FRAMES,
         experiment: "Change the frame rate of the ESC's protocol, or excite near half the suspected frame rate and look for \
                      the image at frame_hz - f: a delay has none.",

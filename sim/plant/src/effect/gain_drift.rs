@@ -5,9 +5,12 @@ use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
 use crate::rotor::RotorBase;
 use crate::stage::Memory;
 
+/// What it is called in files.
+pub const ID: &str = "gain_drift";
+
 /// Heating, or the state of charge.
 pub static KIND: Kind = Kind {
-    id: "gain_drift",
+    id: ID,
     title: "slow drift of the gain",
     site: Site::Air,
     equation: "tau dT/dt = g T_0(u) - T, T_0(u) the thrust that the command has in the end, \
@@ -25,19 +28,19 @@ pub static KIND: Kind = Kind {
                 each record, or goes on with the clock.",
     confusions: &[
         Confusion {
-            with: "supply_sag",
+            with: super::supply_sag::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Record twice as many periods: sag repeats from period to period. Reverse the order of the nominal \
                          commands: drift keeps to the clock, sag to the command.",
         },
         Confusion {
-            with: "winding_heating",
+            with: super::winding_heating::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Hold a low level for long before and after a high one: drift keeps to the clock, heat comes with the load \
                          and goes with it.",
         },
         Confusion {
-            with: "parameter_error",
+            with: super::parameter_error::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Compare the first and the last period: a wrong gain is wrong in both alike.",
         },

@@ -6,9 +6,12 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
 use crate::stage::Memory;
 
+/// What it is called in files.
+pub const ID: &str = "inflow_lead";
+
 /// A lead from speed to thrust.
 pub static KIND: Kind = Kind {
-    id: "inflow_lead",
+    id: ID,
     title: "lead of the inflow",
     site: Site::Air,
     equation: "(1 + lead_ratio time_constant_s s) / (1 + time_constant_s s)",
@@ -30,18 +33,18 @@ pub static KIND: Kind = Kind {
                 amplitude. The speed itself does not show it.",
     confusions: &[
         Confusion {
-            with: "supply_sag",
+            with: super::supply_sag::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Excite from 0.05 Hz: the step of the gain lies above ten hertz for inflow, below a few for sag. The \
                          voltage does not show it.",
         },
         Confusion {
-            with: "parameter_error",
+            with: super::parameter_error::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Log the speed too, or excite up to five times 1 / (2 pi time_constant_s): the lead ends at lead_ratio.",
         },
         Confusion {
-            with: "stand_resonance",
+            with: super::stand_resonance::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "A hammer on the stand with the motor off: the air's lead is gone, the stand's mode is not.",
         },

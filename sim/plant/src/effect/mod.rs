@@ -21,7 +21,7 @@ pub use recipe::{Recipe, SQUARE_PERIODS};
 /// The modules of the kinds, and all of them in the order of the chain.
 macro_rules! kinds {
     ($($module:ident)*) => {
-        $(mod $module;)*
+        $(pub mod $module;)*
         static STANDARD: &[&Kind] = &[$(&$module::KIND),*];
     };
 }

@@ -8,9 +8,12 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::filter::{Interval, ResponseStage};
 use crate::stage::Memory;
 
+/// What it is called in files.
+pub const ID: &str = "moving_average";
+
 /// What is logged is the mean over the last moments.
 pub static KIND: Kind = Kind {
-    id: "moving_average",
+    id: ID,
     title: "moving average of the sensor",
     site: Site::Sensor,
     equation: "(1 - e^(-s T)) / (s T), T = window_s: the mean over the last T seconds; a second mean over taper T behind it",
@@ -31,18 +34,18 @@ pub static KIND: Kind = Kind {
                 1 / window_s and its multiples; the same at every nominal command and amplitude. Steps begin and end with a corner.",
     confusions: &[
         Confusion {
-            with: "transport_delay",
+            with: super::transport_delay::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to 1 / window_s: there a mean shows nothing at all, at half of it two thirds; a delay of half the window \
                          leaves the magnitude alone.",
         },
         Confusion {
-            with: "second_pole",
+            with: super::second_pole::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite beyond 1 / window_s: a mean has a notch there, and more at its multiples; a pole goes on falling without one.",
         },
         Confusion {
-            with: "esc_frame_hold",
+            with: super::esc_frame_hold::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Log the speed too: it has the frames, and not the mean of the thrust. A hold has images around the multiples of its \
                          rate, a mean has none.",

@@ -8,9 +8,12 @@ const FURTHEST: f64 = 10.0;
 /// The linear part leaves this of the time constant at least.
 const LEAST_PART: f64 = 0.2;
 
+/// What it is called in files.
+pub const ID: &str = "operating_point_lag";
+
 /// A time constant that moves within a record.
 pub static KIND: Kind = Kind {
-    id: "operating_point_lag",
+    id: ID,
     title: "lag that depends on the speed",
     site: Site::Rotor,
     equation: "tau = tau_nominal ((nominal / speed)^exponent - linear (speed / nominal - 1)), with the speed as the command that \
@@ -38,12 +41,12 @@ pub static KIND: Kind = Kind {
                 more the larger they are. Even lines that grow with the square of the amplitude.",
     confusions: &[
         Confusion {
-            with: "asymmetric_lag",
+            with: super::asymmetric_lag::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: the difference between rising and falling steps halves, that of unequal lags stays.",
         },
         Confusion {
-            with: "quadratic_thrust",
+            with: super::quadratic_thrust::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase: the static map is straight where only the pole moves.",
         },

@@ -4,9 +4,12 @@ use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 
+/// What it is called in files.
+pub const ID: &str = "parameter_error";
+
 /// A first-order lag whose gain or time constant is not the model's.
 pub static KIND: Kind = Kind {
-    id: "parameter_error",
+    id: ID,
     title: "wrong gain or time constant",
     site: Site::Base,
     equation: "G(s) = K (1 + gain_error) / (tau (1 + time_constant_error) s + 1)",
@@ -22,12 +25,12 @@ pub static KIND: Kind = Kind {
                 amplitude, without harmonics.",
     confusions: &[
         Confusion {
-            with: "second_pole",
+            with: super::second_pole::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to ten times the pole: one lag ends at 90 degrees, two go on to 180.",
         },
         Confusion {
-            with: "supply_sag",
+            with: super::supply_sag::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Excite down to a hundredth of the pole, or log the voltage: a wrong gain stays the same down to \
                          standstill.",

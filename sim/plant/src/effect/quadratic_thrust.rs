@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::rotor::RotorEffect;
 
+/// What it is called in files.
+pub const ID: &str = "quadratic_thrust";
+
 /// A parabola in place of the straight line.
 pub static KIND: Kind = Kind {
-    id: "quadratic_thrust",
+    id: ID,
     title: "curvature of the static map",
     site: Site::Map,
     equation: "T = T0 + K (d + curvature_per_duty d^2 + cubic_per_duty2 d^3), d the deviation of the command from the nominal one \
@@ -35,17 +38,17 @@ pub static KIND: Kind = Kind {
                 amplitude. The pole is the same at every level and in both directions.",
     confusions: &[
         Confusion {
-            with: "operating_point_lag",
+            with: super::operating_point_lag::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "A slow staircase around the nominal command: curvature stays however slow it is, a moving pole goes.",
         },
         Confusion {
-            with: "asymmetric_lag",
+            with: super::asymmetric_lag::ID,
             recipe: &Recipe::DIRECTIONS,
             experiment: "Halve the amplitude: even lines of curvature fall to a quarter, those of unequal lags to a half.",
         },
         Confusion {
-            with: "saturation",
+            with: super::saturation::ID,
             recipe: &Recipe::LOWERED,
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },

@@ -5,9 +5,12 @@ use num_complex::Complex64;
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{Levels, Memory};
 
+/// What it is called in files.
+pub const ID: &str = "saturation";
+
 /// Clips the command, as a limit of current or power does.
 pub static KIND: Kind = Kind {
-    id: "saturation",
+    id: ID,
     title: "saturation of the command",
     site: Site::Command,
     equation: "v = min(max(u, min), max); less than knee away from max v = u - (u - max + knee)^2 / (4 knee), which touches both \
@@ -32,13 +35,13 @@ pub static KIND: Kind = Kind {
                 limit: at high nominal commands for a max, at low ones for a min. Below the limit nothing shows.",
     confusions: &[
         Confusion {
-            with: "slew_limit",
+            with: super::slew_limit::ID,
             recipe: &Recipe::AMPLITUDES,
             experiment: "Sweep the amplitude at one frequency, then the frequency at one amplitude: clipping does not depend on \
                          the frequency.",
         },
         Confusion {
-            with: "quadratic_thrust",
+            with: super::quadratic_thrust::ID,
             recipe: &Recipe::LOWERED,
             experiment: "Lower the nominal command by the amplitude: curvature stays, clipping goes.",
         },

@@ -6,9 +6,12 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
 use crate::stage::Memory;
 
+/// What it is called in files.
+pub const ID: &str = "second_pole";
+
 /// The motor's electrical lag, or a filter of the sensor.
 pub static KIND: Kind = Kind {
-    id: "second_pole",
+    id: ID,
     title: "second pole",
     site: Site::Logger,
     equation: "1 / ((time_constant_s s + 1) (third_ratio time_constant_s s + 1))",
@@ -29,17 +32,17 @@ pub static KIND: Kind = Kind {
                 more, the same at every nominal command and amplitude. Steps begin with a curve instead of a corner.",
     confusions: &[
         Confusion {
-            with: "transport_delay",
+            with: super::transport_delay::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to 1 / (2 pi time_constant_s): the magnitude is 3 dB down there, which a delay does not do.",
         },
         Confusion {
-            with: "slew_limit",
+            with: super::slew_limit::ID,
             recipe: &Recipe::AMPLITUDES,
             experiment: "Halve the amplitude: a pole stays where it is.",
         },
         Confusion {
-            with: "parameter_error",
+            with: super::parameter_error::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to ten times the pole: one lag ends at 90 degrees, two go on to 180.",
         },

@@ -3,9 +3,12 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{CommandStage, Memory, Segment};
 
+/// What it is called in files.
+pub const ID: &str = "slew_limit";
+
 /// Follows the command at no more than a rate.
 pub static KIND: Kind = Kind {
-    id: "slew_limit",
+    id: ID,
     title: "slew-rate limit",
     site: Site::Command,
     equation: "dv/dt = rate_per_s while u is above v, -down_ratio rate_per_s while it is below, until v = u",
@@ -28,12 +31,12 @@ pub static KIND: Kind = Kind {
                 Steps become ramps whose length grows with the step. Small or slow commands pass untouched.",
     confusions: &[
         Confusion {
-            with: "saturation",
+            with: super::saturation::ID,
             recipe: &Recipe::AMPLITUDES,
             experiment: "Sweep the frequency at one amplitude: a limit of the rate acts only above a frequency.",
         },
         Confusion {
-            with: "second_pole",
+            with: super::second_pole::ID,
             recipe: &Recipe::AMPLITUDES,
             experiment: "Halve the amplitude: a pole stays, a limit of the rate moves up by an octave or goes.",
         },

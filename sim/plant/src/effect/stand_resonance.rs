@@ -8,9 +8,12 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::filter::{Interval, MEMORY_TIME_CONSTANTS, Mode, ResponseStage};
 use crate::stage::Memory;
 
+/// What it is called in files.
+pub const ID: &str = "stand_resonance";
+
 /// One structural mode between thrust and sensor.
 pub static KIND: Kind = Kind {
-    id: "stand_resonance",
+    id: ID,
     title: "resonance of the stand",
     site: Site::Stand,
     equation: "1 - participation s (s + 2 damping w) / (s^2 + 2 damping w s + w^2), w = 2 pi frequency_hz: 1 is a sensor that \
@@ -29,12 +32,12 @@ pub static KIND: Kind = Kind {
     signature: "A narrow peak, with a dip beside it, at a frequency that no command moves. Absent in the speed. Steps ring.",
     confusions: &[
         Confusion {
-            with: "second_pole",
+            with: super::second_pole::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite across the suspected frequency in steps of a tenth of its width: a pole has no peak.",
         },
         Confusion {
-            with: "inflow_lead",
+            with: super::inflow_lead::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "A hammer on the stand with the motor off shows the mode, and not the air.",
         },

@@ -11,9 +11,12 @@ pub(super) const HOVER: f64 = 0.5;
 /// An ESC stops before its supply is down to this part of its voltage.
 const LEAST_PART: f64 = 0.1;
 
+/// What it is called in files.
+pub const ID: &str = "supply_sag";
+
 /// A resistance, and a slow polarization, in series with an ideal source.
 pub static KIND: Kind = Kind {
-    id: "supply_sag",
+    id: ID,
     title: "sag of the supply",
     site: Site::Supply,
     equation: "V/V0 = 1 - resistive_drop i - p, polarization_s dp/dt = polarization_drop i - p, i = (1 - square_part) s^3 + square_part s^2, s = \
@@ -56,23 +59,23 @@ pub static KIND: Kind = Kind {
                 lower gain and a shorter time constant.",
     confusions: &[
         Confusion {
-            with: "gain_drift",
+            with: super::gain_drift::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage, or repeat the same record: drift goes on from period to period, sag repeats.",
         },
         Confusion {
-            with: "inflow_lead",
+            with: super::inflow_lead::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Excite from 0.05 Hz: the step of the gain lies below a few hertz for sag, above ten for inflow. A bench \
                          supply in place of the battery removes sag.",
         },
         Confusion {
-            with: "winding_heating",
+            with: super::winding_heating::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage: it falls with a sag, and not where the windings heat.",
         },
         Confusion {
-            with: "parameter_error",
+            with: super::parameter_error::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage: a wrong gain leaves it alone.",
         },
@@ -127,7 +130,10 @@ impl SupplySag {
             hover_current_a: values[5],
             nominal_part: 1.0,
         };
-        sag.nominal_part = sag.part(sag.current(base.reference_supply_command()), sag.slow * sag.current(base.reference_supply_command()));
+        sag.nominal_part = sag.part(
+            sag.current(base.reference_supply_command()),
+            sag.slow * sag.current(base.reference_supply_command()),
+        );
         sag
     }
 

@@ -5,9 +5,12 @@ use num_complex::Complex64;
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::delay::TransportDelay;
 
+/// What it is called in files.
+pub const ID: &str = "transport_delay";
+
 /// A delay beyond that of the model's points.
 pub static KIND: Kind = Kind {
-    id: "transport_delay",
+    id: ID,
     title: "transport delay",
     site: Site::Line,
     equation: "v(t) = u(t - delay_s); e^(-s delay_s)",
@@ -19,18 +22,18 @@ pub static KIND: Kind = Kind {
                 nominal command and amplitude. Steps begin late.",
     confusions: &[
         Confusion {
-            with: "esc_frame_hold",
+            with: super::esc_frame_hold::ID,
             recipe: &Recipe::OTHER_FRAMES,
             experiment: "Change the frame rate: half a frame of delay goes with it. Excite near half the frame rate: only a \
                          hold droops and has images.",
         },
         Confusion {
-            with: "second_pole",
+            with: super::second_pole::ID,
             recipe: &Recipe::HIGH_FREQUENCIES,
             experiment: "Excite up to the corner of the suspected pole: it loses 3 dB there, a delay nothing.",
         },
         Confusion {
-            with: "clock_skew",
+            with: super::clock_skew::ID,
             recipe: &Recipe::LONG,
             experiment: "Compare early and late periods of a long record: the phase of a delay stays.",
         },

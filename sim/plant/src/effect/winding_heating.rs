@@ -10,9 +10,12 @@ use crate::rotor::{Motion, RotorBase, RotorEffect};
 /// A motor that has lost so much of its drive has burnt.
 const LEAST_REMAINING_DRIVE: f64 = 0.1;
 
+/// What it is called in files.
+pub const ID: &str = "winding_heating";
+
 /// Copper's resistance grows with its temperature, and magnets weaken.
 pub static KIND: Kind = Kind {
-    id: "winding_heating",
+    id: ID,
     title: "heating of the windings",
     site: Site::Supply,
     equation: "heat_s dh/dt = heat_drop (speed / 0.5)^4 - h; the motor gets u (1 - h) / (1 - h_nominal), with h_nominal the \
@@ -32,18 +35,18 @@ pub static KIND: Kind = Kind {
                 does not.",
     confusions: &[
         Confusion {
-            with: "supply_sag",
+            with: super::supply_sag::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Log the voltage: it creeps with the polarization of a battery, and not with the windings.",
         },
         Confusion {
-            with: "gain_drift",
+            with: super::gain_drift::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "Hold a low level for long before and after a high one: drift keeps to the clock, heat comes with the load \
                          and goes with it.",
         },
         Confusion {
-            with: "quadratic_thrust",
+            with: super::quadratic_thrust::ID,
             recipe: &Recipe::LONG_LOADS,
             experiment: "A staircase up and down again: curvature is the same both ways, heat is not.",
         },
@@ -100,7 +103,8 @@ fn remaining_drive(heat: f64) -> f64 {
 
 impl RotorEffect for Heating {
     fn at_rest(&self, motion: &mut Motion) -> f64 {
-        motion.drive = speed_at_rest(motion.drive, self.nominal_remaining_drive, |speed| remaining_drive(self.steady(speed)));
+        motion.drive =
+            speed_at_rest(motion.drive, self.nominal_remaining_drive, |speed| remaining_drive(self.steady(speed)));
         self.steady(motion.drive)
     }
 

@@ -17,6 +17,7 @@ use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_identify::lag::multisine::PeriodicIdentification;
 use rotorlead_plant::bench::PAPER_AMPLITUDE;
+use rotorlead_plant::effect::transport_delay;
 use rotorlead_plant::{ActiveEffect, Catalog, Effect, Model};
 use rotorlead_records::{Experiment, Finding, Topic};
 use rotorlead_vehicle::Purpose;
@@ -25,7 +26,7 @@ use super::diagnosis::found_in_short;
 use super::{DesignRequest, DesignResult, IdentifyResult, Kind, MeasuredRecords, redesign_notes, redesign_refusals};
 
 /// The effect that is part of a point too.
-const DEAD_TIME: &str = "transport_delay";
+const DEAD_TIME: &str = transport_delay::ID;
 
 /// What came of one part: a result, or why there is none.
 pub type Part<T> = Result<T, String>;
