@@ -15,12 +15,5 @@ static FUZZER: LazyLock<Fuzzer> = LazyLock::new(|| {
 });
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    let fuzzer = *FUZZER;
-    let before = MEMORY.current_usage();
-    MEMORY.reset_peak_usage();
-    (fuzzer.run)(data);
-    let used = MEMORY.peak_usage().saturating_sub(before);
-    if let Some(format) = fuzzer.format {
-        assert!(used <= format.memory_bound(data.len()), "{used} bytes for a log of {}", data.len());
-    }
+    FUZZER.run_metered(data, &MEMORY);
 });

@@ -5,6 +5,7 @@ mod fleet;
 mod import;
 mod link;
 
+use peak_alloc::PeakAlloc;
 use rotorlead_records::import::{FORMATS, LogFormat};
 
 pub use capture::*;
@@ -24,6 +25,10 @@ pub struct Fuzzer {
     /// The name of the format of its logs, which bounds the memory that they may take, if it has logs.
     pub format: Option<&'static str>,
 }
+
+/// Memory that an import may take whatever the log's length, bytes. Chosen: lists and tables of a few rows; a log of some kilobytes is not
+/// judged by its length.
+const LEAST_MEMORY: usize = 4 << 20;
 
 /// Every fuzzer.
 pub const FUZZERS: [Fuzzer; 11] = [
@@ -49,6 +54,22 @@ impl Fuzzer {
     pub fn log_format(&self) -> Option<&'static LogFormat> {
         let named = |name| FORMATS.into_iter().find(|format| format.name == name);
         self.format.map(|name| named(name).unwrap_or_else(|| panic!("no format {name}")))
+    }
+
+    /// Runs it on these bytes and gives the memory that this took, as `memory` meters it, which has to be the program's allocator.
+    ///
+    /// # Panics
+    /// Where a claim does not hold, or where a log takes more memory than its format may.
+    pub fn run_metered(&self, bytes: &[u8], memory: &PeakAlloc) -> usize {
+        let before = memory.current_usage();
+        memory.reset_peak_usage();
+        (self.run)(bytes);
+        let used = memory.peak_usage().saturating_sub(before);
+        if let Some(format) = self.log_format() {
+            let most = LEAST_MEMORY + format.memory_per_byte * bytes.len();
+            assert!(used <= most, "{}: {used} bytes for a log of {}", self.name, bytes.len());
+        }
+        used
     }
 }
 
