@@ -325,7 +325,10 @@ fn what_is_no_log_is_refused() {
         ),
         (b"nothing\nbut words\n", &["no line of it has two numbers", "nothing", "RCbenchmark", "ESC32"]),
         (header.as_bytes(), &["0 usable row(s)", "recording"]),
-        (b"\x7fELF\x02\x01\x00\xff\xfe\x80garbage", &["UTF-8", "export the log again"]),
+        (
+            b"\x7fELF\x02\x01\x00\xff\xfe\x80garbage",
+            &["line 1: the byte 0x7f belongs in no text", "export it as one of these"],
+        ),
     ] {
         let stand = Stand::new();
         stand.write("log.csv", content);

@@ -108,22 +108,18 @@ pub enum ImportError {
         header: String,
     },
     /// Bytes among the text that are none.
-    #[error("{}, line {line}: a null byte: the file is damaged, or a binary log that is not known", file.display())]
+    #[error(
+        "{}, line {line}: the byte {byte:#04x} belongs in no text: the file is damaged, or a binary log that is not known",
+        file.display()
+    )]
     #[diagnostic(help("copy the file again, or export it as one of these: {}", LogFormat::titles()))]
     NotText {
         /// The log.
         file: PathBuf,
         /// Line, from 1.
         line: usize,
-    },
-    /// Text in another encoding.
-    #[error("{}, line {line}: not UTF-8 text, nor a binary log that is known", file.display())]
-    #[diagnostic(help("export the log again as UTF-8 text, or as one of these: {}", LogFormat::titles()))]
-    NotUtf8 {
-        /// The log.
-        file: PathBuf,
-        /// Line, from 1.
-        line: usize,
+        /// The first such byte.
+        byte: u8,
     },
     /// A plain table whose names do not say what is what.
     #[error("{}{problem}", file.display())]

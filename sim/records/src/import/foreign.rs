@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
+
 use super::ImportError;
 
 /// What a spreadsheet has to become.
@@ -66,28 +68,26 @@ pub(super) fn refuse(file: &Path, bytes: &[u8]) -> Result<(), ImportError> {
     Err(ImportError::NoLog { file: file.into(), kind, remedy })
 }
 
-/// The text that `bytes` are, without its byte-order mark, and whether they are UTF-16.
-pub(super) fn text<'a>(file: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, str>, bool), ImportError> {
-    let of_units = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
-        // A byte more is half a character.
-        let (pairs, rest) = bytes.as_chunks::<2>();
-        let text = String::from_utf16(&pairs.iter().copied().map(unit).collect::<Vec<_>>());
-        let damaged =
-            ImportError::Damaged { file: file.into(), offset: 2, problem: "UTF-16 text with characters that are none" };
-        text.ok().filter(|_| rest.is_empty()).map(|text| (Cow::Owned(text), true)).ok_or(damaged)
-    };
-    if let Some(bytes) = bytes.strip_prefix(b"\xff\xfe") {
-        return of_units(bytes, u16::from_le_bytes);
-    }
-    if let Some(bytes) = bytes.strip_prefix(b"\xfe\xff") {
-        return of_units(bytes, u16::from_be_bytes);
-    }
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+/// The text that `bytes` are, without its byte-order mark, and the name of its encoding where that is not UTF-8. What has no mark and is
+/// no UTF-8 is taken as Windows-1252, in which spreadsheets and loggers on Windows write, unless it has characters that no text has.
+pub(super) fn text<'a>(file: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, str>, Option<&'static str>), ImportError> {
+    let (marked, mark) = Encoding::for_bom(bytes).unwrap_or((UTF_8, 0));
+    let bytes = &bytes[mark..];
     let line = |end: usize| memchr::memchr_iter(b'\n', &bytes[..end]).count() + 1;
-    let text = std::str::from_utf8(bytes)
-        .map_err(|error| ImportError::NotUtf8 { file: file.into(), line: line(error.valid_up_to()) })?;
-    match memchr::memchr(0, bytes) {
-        Some(at) => Err(ImportError::NotText { file: file.into(), line: line(at) }),
-        None => Ok((Cow::Borrowed(text), false)),
+    let not_text = |at: usize| ImportError::NotText { file: file.into(), line: line(at), byte: bytes[at] };
+    if marked != UTF_8 {
+        let text = marked.decode_without_bom_handling_and_without_replacement(bytes);
+        let problem = "UTF-16 text with characters that are none";
+        let damaged = ImportError::Damaged { file: file.into(), offset: mark, problem };
+        return text.map(|text| (text, Some(marked.name()))).ok_or(damaged);
+    }
+    let is_of_no_text = |byte: &u8| byte.is_ascii_control() && !byte.is_ascii_whitespace();
+    match (std::str::from_utf8(bytes), memchr::memchr(0, bytes)) {
+        (_, Some(at)) => Err(not_text(at)),
+        (Ok(text), None) => Ok((Cow::Borrowed(text), None)),
+        (Err(_), None) => match bytes.iter().position(is_of_no_text) {
+            Some(at) => Err(not_text(at)),
+            None => Ok((WINDOWS_1252.decode_without_bom_handling(bytes).0, Some(WINDOWS_1252.name()))),
+        },
     }
 }

@@ -153,11 +153,9 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         }
     }
     foreign::refuse(file, bytes)?;
-    let (text, is_utf16) = foreign::text(file, bytes)?;
+    let (text, encoding) = foreign::text(file, bytes)?;
     let mut taken = take_text(file, &text, options)?;
-    if is_utf16 {
-        taken.summary.notes.push(String::from("the log is UTF-16 text, and was read as such"));
-    }
+    taken.summary.notes.extend(encoding.map(|encoding| format!("the log is {encoding} text, and was read as such")));
     Ok(taken)
 }
 

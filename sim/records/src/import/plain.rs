@@ -54,7 +54,7 @@ pub(super) fn take_table(
     let mut values = |pick: Option<Pick>| pick.and_then(|_| numbers.next());
     let mut rows = Rows {
         table,
-        first: 0,
+        places: Vec::new(),
         time: values(picks.time).unwrap_or_default(),
         command: values(picks.command).unwrap_or_default(),
         thrust: values(picks.thrust),
@@ -65,6 +65,8 @@ pub(super) fn take_table(
         reordered: 0,
     };
     let rows_read = rows.time.len().max(rows.command.len());
+    rows.places = (0..rows_read).collect();
+    notes.extend(rows.hold_interleaved(options.output));
     let mut command_note = String::new();
     if let Some(command) = picks.command {
         rows.cut_to_the_command(command)?;
@@ -76,13 +78,13 @@ pub(super) fn take_table(
         (picks.voltage, &mut rows.voltage),
         (picks.current, &mut rows.current),
     ] {
-        convert(table, rows.first, pick, values)?;
+        convert(table, &rows.places, pick, values)?;
     }
 
     let is_steady = rows.find_times(picks.time, is_stand, options, &mut notes)?;
     let columns = Columns {
         table,
-        first_row: rows.first,
+        places: &rows.places,
         thrust: picks.thrust.zip(rows.thrust.as_deref()),
         speed: picks.speed.zip(rows.speed.as_deref()),
         others: [(picks.voltage, &rows.voltage), (picks.current, &rows.current)]
@@ -178,8 +180,8 @@ pub(super) fn take_table(
 /// The numbers of the rows that are still to be taken, NaN where there are none.
 struct Rows<'a> {
     table: &'a Table<'a>,
-    /// Which row of the table the first one is.
-    first: usize,
+    /// Which row of the table each of them is.
+    places: Vec<usize>,
     time: Vec<f64>,
     command: Vec<f64>,
     thrust: Option<Vec<f64>>,
@@ -205,6 +207,34 @@ impl Rows<'_> {
         }
     }
 
+    /// Where each row is a message of one series, so that most readings of the response have no command beside them, the other series
+    /// hold until their next row, and the rows of the response stay. Says so.
+    fn hold_interleaved(&mut self, stated: Option<Output>) -> Option<String> {
+        let filled = |values: &Option<Vec<f64>>| values.iter().flatten().filter(|value| !value.is_nan()).count();
+        let response = match stated {
+            Some(Output::ThrustN) => &self.thrust,
+            Some(Output::Rpm) => &self.speed,
+            None if filled(&self.thrust) < filled(&self.speed) => &self.speed,
+            None => &self.thrust,
+        };
+        let is_reading: Vec<bool> = response.as_ref()?.iter().map(|value| !value.is_nan()).collect();
+        let readings = is_reading.iter().filter(|is| **is).count();
+        let alone = is_reading.iter().zip(&self.command).filter(|(is, command)| **is && command.is_nan()).count();
+        if 2 * alone <= readings {
+            return None;
+        }
+        let others = [&mut self.voltage, &mut self.current].into_iter().flatten();
+        for series in std::iter::once(&mut self.command).chain(others) {
+            let mut last = f64::NAN;
+            for value in series {
+                last = if value.is_nan() { last } else { *value };
+                *value = last;
+            }
+        }
+        self.retain(&is_reading, "a row of another series");
+        Some(String::from("each row has one series: those beside the response hold until their next row"))
+    }
+
     /// Keeps the rows from the first to the last that has a command; one without between them is an error.
     fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
         let has = |value: &f64| !value.is_nan();
@@ -214,7 +244,7 @@ impl Rows<'_> {
         };
         let end = self.command.iter().rposition(has).map_or(first, |last| last + 1);
         if let Some(blank) = self.command[first..end].iter().position(|value| value.is_nan()) {
-            return Err(self.table.blank(first + blank, command.column));
+            return Err(self.table.blank(self.places[first + blank], command.column));
         }
         let after = self.command.len() - end;
         self.left_out(first, "no command yet");
@@ -223,7 +253,8 @@ impl Rows<'_> {
             column.truncate(end);
             column.drain(..first);
         }
-        self.first = first;
+        self.places.truncate(end);
+        self.places.drain(..first);
         Ok(())
     }
 
@@ -244,7 +275,7 @@ impl Rows<'_> {
         if let Some(at) = self.command.iter().position(|value| !(low..=high).contains(value)) {
             return Err(ImportError::OutOfRange {
                 file: self.table.file.clone(),
-                line: self.table.line(self.first + at),
+                line: self.table.line(self.places[at]),
                 column: self.table.header[pick.column].clone(),
                 value: self.command[at],
                 low,
@@ -298,7 +329,7 @@ impl Rows<'_> {
             return Ok(true);
         };
         if let Some(at) = self.time.iter().position(|stamp| stamp.is_nan()) {
-            return Err(self.table.blank(self.first + at, pick.column));
+            return Err(self.table.blank(self.places[at], pick.column));
         }
         if pick.unit.scale == Scale::Clock {
             go_on_behind_midnight(&mut self.time);
@@ -350,7 +381,7 @@ impl Rows<'_> {
             if latest - time > most_s {
                 return Err(ImportError::TimeRunsBack {
                     file: self.table.file.clone(),
-                    line: self.table.line(self.first + at),
+                    line: self.table.line(self.places[at]),
                     column: self.table.header[pick.column].clone(),
                     // To the nanosecond: digits beyond are those of the subtraction.
                     by_s: ((latest - time) * 1e9).round() / 1e9,
@@ -366,6 +397,7 @@ impl Rows<'_> {
             for column in self.columns() {
                 *column = order.iter().map(|row| column[*row]).collect();
             }
+            self.places = order.iter().map(|row| self.places[*row]).collect();
             let start = self.time[0];
             self.time.iter_mut().for_each(|time| *time -= start);
         }
@@ -406,6 +438,8 @@ impl Rows<'_> {
             let mut kept = keep.iter();
             column.retain(|_| kept.next().copied().unwrap_or(true));
         }
+        let mut kept = keep.iter();
+        self.places.retain(|_| kept.next().copied().unwrap_or(true));
     }
 }
 
@@ -463,11 +497,10 @@ fn differing_speeds(plain: &PlainTable<'_>, electrical: Pick) -> Option<String> 
     })
 }
 
-/// Puts the numbers of a column in the unit of a record, where they are within what can be. `first` is the row of the table that
-/// they begin with.
+/// Puts the numbers of a column in the unit of a record, where they are within what can be. `places` are their rows of the table.
 fn convert(
     table: &Table<'_>,
-    first: usize,
+    places: &[usize],
     pick: Option<Pick>,
     values: &mut Option<Vec<f64>>,
 ) -> Result<(), ImportError> {
@@ -482,7 +515,7 @@ fn convert(
         if found.abs() > most {
             let name = &table.header[pick.column];
             let (line, text) =
-                table.at(first + row, |row| (row.line, row.text(pick.column).to_owned())).unwrap_or_default();
+                table.at(places[row], |row| (row.line, row.text(pick.column).to_owned())).unwrap_or_default();
             return Err(ImportError::Impossible {
                 file: table.file.clone(),
                 line,

@@ -367,7 +367,10 @@ struct Said {
 impl Said {
     fn from_column(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
         let (base, in_name) = split(&plain.table.header[index]);
+        // A unit of another quantity overrules the name: `esc_rpm` is no command.
+        let of_unit = in_name.as_deref().and_then(Unit::measured_quantity);
         let named = Quantity::ALL.into_iter().find(|quantity| quantity.spellings().contains(&base.as_str()));
+        let named = named.map(|named| of_unit.unwrap_or(named));
         // A unit may be a name of its own.
         let quantity = match named {
             Some(quantity) => quantity,
@@ -407,13 +410,16 @@ fn split(name: &str) -> (String, Option<String>) {
         let unit = name[open + 1..name.len() - 1].trim();
         return (words(&name[..open]), Some(unit.to_owned()).filter(|unit| !unit.is_empty()));
     }
-    let start = name.rfind([' ', '_', '-', '.', ',']).map_or(0, |at| at + 1);
-    let last = &name[start..];
-    // `duty` is more often the name of a command than its unit.
-    let is_unit = Unit::is_any(last) && !last.eq_ignore_ascii_case("duty");
-    if is_unit && (start > 0 || named_by_unit(last).is_some()) {
-        let base = words(&name[..start]);
-        return (base.strip_suffix(" in").map(str::to_owned).unwrap_or(base), Some(last.to_owned()));
+    // A unit may have a stroke of its own; else it separates, as in the name of a topic.
+    for separators in [&[' ', '_', '-', '.', ','][..], &['/']] {
+        let start = name.rfind(separators).map_or(0, |at| at + 1);
+        let last = &name[start..];
+        // `duty` is more often the name of a command than its unit.
+        let is_unit = Unit::is_any(last) && !last.eq_ignore_ascii_case("duty");
+        if is_unit && (start > 0 || named_by_unit(last).is_some()) {
+            let base = words(&name[..start]);
+            return (base.strip_suffix(" in").map(str::to_owned).unwrap_or(base), Some(last.to_owned()));
+        }
     }
     (words(name), None)
 }
@@ -471,6 +477,12 @@ mod tests {
             ("Motor Optical Speed (RPM)", ("rpm", "rpm")),
             ("vbat_mV", ("voltage", "mV")),
             ("Current (A)", ("current", "A")),
+            ("esc_rpm", ("rpm", "rpm")),
+            ("ESC RPM", ("rpm", "rpm")),
+            ("ESC speed [rad/s]", ("rpm", "rad/s")),
+            ("pwm_mV", ("voltage", "mV")),
+            ("/motor/rpm", ("rpm", "rpm")),
+            ("speed_rad/s", ("rpm", "rad/s")),
         ] {
             let (quantity, unit) = expected;
             assert_eq!(said(&format!("{name},x"))[0], Some((quantity, Some(unit))), "{name}");

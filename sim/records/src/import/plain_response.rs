@@ -12,8 +12,8 @@ use crate::experiment::Output;
 /// The columns that may be a response, and those beside them.
 pub(super) struct Columns<'a> {
     pub(super) table: &'a Table<'a>,
-    /// Which row of the table the columns begin with.
-    pub(super) first_row: usize,
+    /// Which row of the table each of theirs is.
+    pub(super) places: &'a [usize],
     pub(super) thrust: Option<(Pick, &'a [f64])>,
     pub(super) speed: Option<(Pick, &'a [f64])>,
     /// Voltage and current.
@@ -69,7 +69,7 @@ impl Columns<'_> {
         let Some(first) = first.filter(|_| 2 * filled <= values.len()) else { return Ok(()) };
         Err(ImportError::MostlyBlank {
             file: self.table.file.clone(),
-            line: self.table.line(self.first_row + first),
+            line: self.table.line(self.places[first]),
             column: self.table.header[pick.column].clone(),
             blank: values.len() - filled,
             rows: values.len(),

@@ -101,6 +101,7 @@ impl Quantity {
                 "speed",
                 "motor",
                 "motor speed",
+                "esc speed",
                 "rotor",
                 "rotor speed",
                 "rotation speed",
@@ -177,6 +178,12 @@ impl Unit {
     pub(super) fn named(quantity: Quantity, text: &str) -> Option<Self> {
         let is_so = |unit: &&Self| unit.quantity == quantity && unit.is_written(text);
         UNITS.iter().find(is_so).copied()
+    }
+
+    /// The quantity whose unit `text` is, where that is one of what is measured. One letter may be the number of a motor.
+    pub(super) fn measured_quantity(text: &str) -> Option<Quantity> {
+        let unit = UNITS.iter().find(|unit| text.len() > 1 && unit.is_written(text))?;
+        Some(unit.quantity).filter(|quantity| !matches!(quantity, Quantity::Time | Quantity::Command))
     }
 
     /// Whether `text` is any unit of any quantity.

@@ -73,6 +73,11 @@ fn taken(text: impl AsRef<[u8]>, with: &str) -> Result<Import, ImportError> {
     imported(text.as_ref(), &options(with))
 }
 
+/// Characters up to U+00FF but those from 0x80 to 0x9f are their own number.
+fn windows_1252(text: &str) -> Vec<u8> {
+    text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect()
+}
+
 fn utf16(text: &str, order: fn(u16) -> [u8; 2]) -> Vec<u8> {
     std::iter::once(0xfeff).chain(text.encode_utf16()).flat_map(order).collect()
 }
@@ -127,14 +132,15 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "null bytes",
             table().replacen("\n1,", "\n1,\0", 1).into(),
             "",
-            &["line 202: a null byte", "copy the file again"],
+            &["line 202: the byte 0x00", "copy the file again"],
         ),
         (
-            "Latin-1",
-            [table().as_bytes(), b"9,1500,\xb5,1\n"].concat(),
+            "binary rows",
+            [table().as_bytes(), b"9,1500,\xb5\x01,1\n"].concat(),
             "",
-            &["line 402: not UTF-8 text", "export the log again as UTF-8"],
+            &["line 402: the byte 0x01", "copy the file again"],
         ),
+        ("a sign in a number", [table().as_bytes(), b"9,1500,\xb5,1\n"].concat(), "", &["line 402", "`µ`"]),
         (
             "half of UTF-16",
             [&utf16(&table(), u16::to_le_bytes)[..], b"1"].concat(),
@@ -319,6 +325,10 @@ fn what_is_odd_and_means_one_thing_is_taken() {
         ("semicolons and decimal commas", table().replace(',', ";").replace('.', ",").into()),
         ("UTF-16, little end first", utf16(&table(), u16::to_le_bytes)),
         ("UTF-16, big end first", utf16(&table(), u16::to_be_bytes)),
+        ("a comment in Windows-1252", [b"# supply 16.8 V \xb1 0.1 V\n", table().as_bytes()].concat()),
+        ("a remark behind in Windows-1252", [table().as_bytes(), b"# \x84good\x93 at 21 \xb0C\n"].concat()),
+        ("a name in Windows-1252", windows_1252(&table().replacen("pwm_us", "PWM (\u{b5}s)", 1))),
+        ("a name of no quantity in Windows-1252", windows_1252(&table().replacen('\n', ",coil (\u{b0}C)\n", 1))),
         (
             "quotes",
             table_text(&HEADER.split(',').map(quoted).collect::<Vec<_>>().join(","), ",", |_, _, v| {

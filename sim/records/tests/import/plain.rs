@@ -247,9 +247,6 @@ fn a_table_that_is_none_or_says_too_little_is_refused() {
     }
     let message = message(imported(table(HEADER).as_bytes(), &ImportOptions::default()));
     assert!(message.contains("does not say what drove the command") && message.contains("--period"), "{message}");
-    let bytes = [table(HEADER).as_bytes(), b"2000,1500,\xb5\n"].concat();
-    let message = self::message(imported(&bytes, &options(&[])));
-    assert!(message.contains("line 402: not UTF-8 text"), "{message}");
 }
 
 #[test]
@@ -338,4 +335,67 @@ proptest! {
             Err(error) => prop_assert!(miette::Diagnostic::help(&error).is_some()),
         }
     }
+}
+
+/// As programs export messages: one row for each of a series, the other cells blank.
+fn interleaved_series(rows: impl Iterator<Item = (f64, Option<f64>, Option<f64>, Option<f64>)>) -> String {
+    let cell = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+    let row = |(time_s, command, rpm, voltage): (f64, _, _, _)| {
+        format!("{time_s},{},{},{}\n", cell(command), cell(rpm), cell(voltage))
+    };
+    format!("__time,/motor/command,/motor/rpm,/battery/voltage\n{}", rows.map(row).collect::<String>())
+}
+
+fn interleaved(text: &str) -> Result<Import, ImportError> {
+    let columns = ["time=__time:s", "command=/motor/command:duty", "rpm=/motor/rpm:rpm", "voltage=/battery/voltage:V"];
+    imported(text.as_bytes(), &options(&columns))
+}
+
+#[test]
+fn series_of_one_row_each_hold_until_their_next_one() {
+    let command = |message: u32| if message % 200 < 100 { 0.3 } else { 0.6 };
+    let messages = (0..400_u32).flat_map(|message| {
+        let at_s = 1.7e9 + 0.01 * f64::from(message);
+        let slow = (message % 10 == 0).then_some((at_s, None, None, Some(16.0)));
+        let others = [
+            (at_s + 0.001, Some(command(message)), None, None),
+            (at_s + 0.004, None, Some(5000.0 + f64::from(message)), None),
+        ];
+        slow.into_iter().chain(others)
+    });
+    let text = interleaved_series(messages);
+    let Import { experiment, summary } = interleaved(&text).unwrap();
+    let record = &experiment.records[0];
+    assert_eq!((summary.rows_read, summary.rows_taken, record.command.len()), (840, 400, 400));
+    for row in 0..400 {
+        assert_eq!(record.command[row as usize], command(row), "row {row}");
+    }
+    assert_eq!(record.rpm.as_ref().unwrap()[7], 5007.0);
+    assert_eq!(record.voltage_v.as_ref().unwrap()[7], 16.0);
+    assert!(summary.notes.iter().any(|note| note.contains("each row has one series")), "{:?}", summary.notes);
+    // A number that is none is still said with its line.
+    let wrong = text.replacen("5300", "5300000", 1);
+    assert!(message(interleaved(&wrong)).contains("line 634"), "{}", message(interleaved(&wrong)));
+}
+
+#[test]
+fn a_command_that_is_logged_on_change_alone_holds_from_there() {
+    let messages = (0..400_u32).flat_map(|message| {
+        let at_s = 0.01 * f64::from(message);
+        let change = (message % 100 == 0).then_some((at_s, Some(0.3 + f64::from(message) / 1000.0), None, None));
+        change.into_iter().chain([(at_s + 0.002, None, Some(5000.0), Some(16.0))])
+    });
+    let found = interleaved(&interleaved_series(messages)).unwrap();
+    let command = &found.experiment.records[0].command;
+    assert_eq!((command[99], command[100], command[399]), (0.3, 0.4, 0.6));
+}
+
+#[test]
+fn a_hole_in_the_command_of_whole_rows_stays_an_error() {
+    let rows = (0..400_u32).map(|row| {
+        let command = (!(200..220).contains(&row)).then_some(0.4);
+        (0.01 * f64::from(row), command, Some(5000.0), Some(16.0))
+    });
+    let error = message(interleaved(&interleaved_series(rows)));
+    assert!(error.contains("line 202, column `/motor/command`: empty"), "{error}");
 }
