@@ -125,7 +125,7 @@ mod app {
     #[task(binds = USART3, priority = 5, local = [serial])]
     fn link_byte(cx: link_byte::Context) {
         if let Some(serial) = cx.local.serial {
-            serial.exchange();
+            serial.handle_interrupt();
         }
     }
 

@@ -196,7 +196,7 @@ pub struct TestInputFrames {
     /// Words that were not taken yet.
     pub words: [VecDeque<Word>; MOTORS],
     /// Whether inputs have lost words since that was asked last.
-    pub has_lost_words: [bool; MOTORS],
+    pub take_words_lost: [bool; MOTORS],
     /// What the inputs have offered, one after the other.
     pub offers: [Vec<Offer>; MOTORS],
     /// Whether the last of them went out.
@@ -213,8 +213,8 @@ impl InputFrameHardware for TestInputFrames {
         self.words[motor].pop_front()
     }
 
-    fn has_lost_words(&mut self, motor: usize) -> bool {
-        std::mem::take(&mut self.has_lost_words[motor])
+    fn take_words_lost(&mut self, motor: usize) -> bool {
+        std::mem::take(&mut self.take_words_lost[motor])
     }
 
     fn offer_reply(&mut self, motor: usize, offer: Offer) {
@@ -278,7 +278,7 @@ impl Watchdog for TestWatchdog {
         self.feeds += 1;
     }
 
-    fn set_patient(&mut self, patient: bool) {
+    fn set_long_timeout(&mut self, patient: bool) {
         self.patient = patient;
     }
 }

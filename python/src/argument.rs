@@ -6,7 +6,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 use rotorlead_plant::{CompensatorDesign, Model};
-use rotorlead_records::files::{FileError, Place, TextFile};
+use rotorlead_records::files::{FileError, KeyPath, TextFile};
 
 use crate::error::{raised, refused};
 use crate::value::to_table;
@@ -67,7 +67,7 @@ pub fn read<T>(result: Result<T, FileError>) -> PyResult<T> {
 pub fn one_of<T: Copy>(parameter: &str, given: &str, choices: &[(&str, T)]) -> PyResult<T> {
     choices.iter().find(|(name, _)| *name == given).map(|(_, choice)| *choice).ok_or_else(|| {
         let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
-        let place = Place::root().key(parameter);
+        let place = KeyPath::root().key(parameter);
         refused(&place.fault(format!("`{given}` is not known"), format!("give one of: {}", names.join(", "))))
     })
 }

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rotorlead_design::{Latency, Setting};
 use rotorlead_plant::CompensatorDesign;
-use rotorlead_records::files::{Fault, Place, check_writable};
+use rotorlead_records::files::{Fault, KeyPath, check_writable};
 use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
 
@@ -62,7 +62,7 @@ pub fn design<'py>(
         ("slew_per_s", slew_per_s),
     ];
     for (name, number) in numbers {
-        number.map_or(Ok(()), |number| Place::root().key(name).accept(number)).map_err(|fault| refused(&fault))?;
+        number.map_or(Ok(()), |number| KeyPath::root().key(name).accept(number)).map_err(|fault| refused(&fault))?;
     }
     for (name, range) in [("output_range", output_range), ("compensate_range", compensate_range)] {
         range.map_or(Ok(()), |range| commands(name, range)).map_err(|fault| refused(&fault))?;
@@ -84,7 +84,7 @@ pub fn design<'py>(
     let purpose = one_of("purpose", purpose, &[("force", Purpose::Force), ("rate_loop", Purpose::RateLoop)])?;
     if let Some(name) = request.foreign() {
         let fault =
-            Place::root().key(name).fault("no option of this kind of compensator", "leave it out, or change kind");
+            KeyPath::root().key(name).fault("no option of this kind of compensator", "leave it out, or change kind");
         return Err(refused(&fault));
     }
     let (model, name) = model.model()?;
@@ -109,7 +109,7 @@ fn commands(name: &str, (low, high): (f64, f64)) -> Result<(), Fault> {
     if 0.0 <= low && low < high && high <= 1.0 {
         return Ok(());
     }
-    Err(Place::root()
+    Err(KeyPath::root()
         .key(name)
         .fault(format!("({low}, {high}) is no range of commands"), "give two from 0 to 1, the lower first"))
 }

@@ -6,7 +6,7 @@ use numpy::{AllowTypeChange, IntoPyArray as _, PyArrayLike1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyMapping};
 use rotorlead_diagnose::fill_in_esc_commands;
-use rotorlead_records::files::{FileError, Place, TextFile};
+use rotorlead_records::files::{FileError, KeyPath, TextFile};
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record};
 use serde_json::json;
 use toml::{Table, Value};
@@ -137,7 +137,7 @@ fn columns_of(record: &Bound<PyMapping>) -> PyResult<Columns> {
         let Some(values) = record.get_item(name).ok().filter(|values| !values.is_none()) else { continue };
         check_whole(name, &values)?;
         let values = column(&values).ok_or_else(|| {
-            let place = Place::root().key(name);
+            let place = KeyPath::root().key(name);
             refused(
                 &place.fault("this is no column of numbers", "give a one-dimensional array, one number for each row"),
             )

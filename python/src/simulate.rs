@@ -6,7 +6,7 @@ use miette::WrapErr as _;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rotorlead_plant::bench::{Plan, run};
-use rotorlead_records::files::{OutputFolder, Place};
+use rotorlead_records::files::{KeyPath, OutputFolder};
 use rotorlead_results::{read_plan, simulation_json};
 
 use crate::argument::{Given, read};
@@ -47,7 +47,7 @@ pub fn simulate<'py>(
         None => (Plan::paper(&model), compensator),
     };
     if let Some(seed) = seed {
-        let fault = || Place::root().key("seed").fault(format!("{seed} is not in 0 to 2^63 - 1"), "give another one");
+        let fault = || KeyPath::root().key("seed").fault(format!("{seed} is not in 0 to 2^63 - 1"), "give another one");
         plan.seed = i64::try_from(seed).ok().and_then(|seed| seed.try_into().ok()).ok_or_else(|| refused(&fault()))?;
     }
     if design.is_some() {

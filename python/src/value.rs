@@ -4,7 +4,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString};
-use rotorlead_records::files::Place;
+use rotorlead_records::files::KeyPath;
 use serde_json::Value as Json;
 use toml::{Table, Value as Toml};
 
@@ -37,7 +37,7 @@ fn to_toml(key: &str, value: &Bound<PyAny>, levels: usize) -> PyResult<Option<To
     let Some(inner) = levels.checked_sub(1) else {
         let fault = format!("more than {MOST_LEVELS} dicts and lists are in each other");
         return Err(refused(
-            &Place::root().key(key).fault(fault, "give what a file would hold, and nothing that holds itself"),
+            &KeyPath::root().key(key).fault(fault, "give what a file would hold, and nothing that holds itself"),
         ));
     };
     check_whole(key, value)?;
@@ -73,7 +73,7 @@ fn to_toml(key: &str, value: &Bound<PyAny>, levels: usize) -> PyResult<Option<To
 
 /// Refuses what NumPy would turn into plain numbers by dropping a part of it: imaginary parts, and masks.
 pub fn check_whole(key: &str, value: &Bound<PyAny>) -> PyResult<()> {
-    let place = || Place::root().key(key);
+    let place = || KeyPath::root().key(key);
     let Ok(dtype) = value.getattr(intern!(value.py(), "dtype")) else { return Ok(()) };
     if dtype.getattr(intern!(value.py(), "kind")).is_ok_and(|kind| kind.eq("c").unwrap_or(false)) {
         return Err(refused(

@@ -51,7 +51,7 @@ impl Serial {
 
     /// The interrupt: at most one byte each way. By the registers, since it is the interrupt that must not be late.
     #[inline]
-    pub fn exchange(&mut self) {
+    pub fn handle_interrupt(&mut self) {
         let status = self.uart.sr().read();
         let overrun = status.ore().bit();
         if status.rxne().bit() || overrun {

@@ -34,7 +34,7 @@ impl hardware::Watchdog for Watchdog {
         self.0.feed();
     }
 
-    fn set_patient(&mut self, patient: bool) {
+    fn set_long_timeout(&mut self, patient: bool) {
         self.0.start(if patient { PATIENT_MS } else { RUN_MS }.millis());
     }
 }

@@ -34,7 +34,7 @@
 mod reading;
 mod timing;
 
-pub use reading::Reading;
+pub use reading::InputReading;
 #[cfg(feature = "controller")]
 pub(crate) use timing::TIMEOUT_MS;
 pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, TimingError};
@@ -332,9 +332,9 @@ impl Decoder {
 
     /// [`Self::poll`], in one word, and with whether the line is active.
     #[inline]
-    pub fn read(&mut self, now: u32) -> Reading {
+    pub fn read(&mut self, now: u32) -> InputReading {
         match self.poll(now) {
-            Signal::Nothing | Signal::Lost(_) if self.is_active(now) => Reading::UNREADABLE,
+            Signal::Nothing | Signal::Lost(_) if self.is_active(now) => InputReading::UNREADABLE,
             signal => signal.into(),
         }
     }

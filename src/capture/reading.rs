@@ -6,9 +6,9 @@ use super::Signal;
 /// with what tells an open line from one with pulses of another protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
-pub struct Reading(u32);
+pub struct InputReading(u32);
 
-impl Reading {
+impl InputReading {
     /// [`Signal::Nothing`].
     pub const NOTHING: Self = Self(u32::MAX);
     /// [`Signal::Lost`].
@@ -48,7 +48,7 @@ impl Reading {
     }
 }
 
-impl From<Signal> for Reading {
+impl From<Signal> for InputReading {
     #[inline]
     fn from(signal: Signal) -> Self {
         match signal {

@@ -63,7 +63,7 @@ mod settings;
 pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
 pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, LONGEST_RAMP_TICKS, NoSignal};
 
-use crate::capture::Reading;
+use crate::capture::InputReading;
 use crate::compensator::{Compensator, Filter};
 use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
@@ -89,11 +89,11 @@ impl Input {
     /// What a decoder says, as a command.
     #[must_use]
     #[inline]
-    pub const fn from_reading(reading: Reading, scale: &PulseScale) -> Self {
+    pub const fn from_reading(reading: InputReading, scale: &PulseScale) -> Self {
         match (reading, reading.width_ticks()) {
             (_, Some(width_ticks)) => Self::Command(scale.to_command(width_ticks)),
-            (Reading::UNCHANGED, None) => Self::Unchanged,
-            (Reading::LOST, None) => Self::Lost,
+            (InputReading::UNCHANGED, None) => Self::Unchanged,
+            (InputReading::LOST, None) => Self::Lost,
             (_, None) => Self::Nothing,
         }
     }
@@ -189,7 +189,7 @@ impl Channel {
 
     /// The channel as [`Self::new`] made it, with the filter in the path or not. For how long it was at rest stays known.
     #[must_use]
-    pub fn afresh(&self, is_enabled: bool) -> Self {
+    pub fn fresh_copy(&self, is_enabled: bool) -> Self {
         let ChannelSettings { stop: command, idle, .. } = self.settings;
         let mut compensator = self.compensator;
         compensator.set_enabled(is_enabled);
@@ -249,7 +249,7 @@ impl Channel {
             (Input::Unchanged, Mode::Excitation(_)) => {
                 let output = self.excite();
                 if self.last_end == Some(End::PulseInput) {
-                    self.lock_out();
+                    self.require_disarm();
                 }
                 output
             }
@@ -275,7 +275,7 @@ impl Channel {
                 if let Mode::Excitation(player) = &self.mode {
                     let was_ending = player.phase() == Phase::RampDown;
                     let end = if was_ending { player.end() } else { End::PulseInput };
-                    self.ended(end);
+                    self.end_record(end);
                 }
                 self.disarmed(0)
             }
@@ -298,14 +298,14 @@ impl Channel {
             Mode::Excitation(player) => {
                 player.ramp_down(End::PulseInput);
                 let output = self.excite();
-                self.lock_out();
+                self.require_disarm();
                 output
             }
         }
     }
 
     /// Behind an excitation that is over, while the input is live: it has to be seen disarmed.
-    const fn lock_out(&mut self) {
+    const fn require_disarm(&mut self) {
         if matches!(self.mode, Mode::NoSignal) {
             self.mode = Mode::Locked;
         }
@@ -384,7 +384,7 @@ impl Channel {
             Some(level) => level.into(),
             None => {
                 let end = player.end();
-                self.ended(end);
+                self.end_record(end);
                 self.mode = Mode::NoSignal;
                 self.stop_ticks_left = self.settings.stop_pulse_ticks;
                 self.rest()
@@ -392,7 +392,7 @@ impl Channel {
         }
     }
 
-    fn ended(&mut self, end: End) {
+    fn end_record(&mut self, end: End) {
         self.last_end = Some(end);
         if end == End::DeadMan {
             self.dead_man_ends = self.dead_man_ends.wrapping_add(1);
@@ -423,7 +423,7 @@ impl Channel {
 
     /// To rest, at once and until a disarmed command comes, as after a loss: for a motor at rest whose ticks are about to
     /// pause, and whose last disarmed command is then an old one.
-    pub fn lock(&mut self) {
+    pub fn mark_lost(&mut self) {
         self.mode = Mode::Lost;
     }
 
@@ -435,7 +435,7 @@ impl Channel {
 
     /// What a loss of the input would be held with now: the command, and for how many ticks.
     #[must_use]
-    pub const fn held(&self) -> Option<(Command, u32)> {
+    pub const fn hold_state(&self) -> Option<(Command, u32)> {
         match self.mode {
             Mode::Armed => Some((self.command, self.settings.hold_ticks)),
             Mode::Holding { ticks_left } => Some((self.command, ticks_left)),

@@ -10,7 +10,7 @@ use super::replies::Replies;
 use super::resume::{FlightRecorder, ResumeMemory};
 use super::supervision::Supervisor;
 use super::tick::Tick;
-use crate::capture::Reading;
+use crate::capture::InputReading;
 use crate::channel::Channel;
 use crate::dshot::Line;
 use crate::link::{MotorFaults, NO_TURN, Sensed};
@@ -96,7 +96,7 @@ impl<H: ControlHardware> Control<H> {
         let inputs = start_inputs(plan, None, &mut parts.input_frames);
         let outputs = OutputPath::start(&plan.output, &mut parts.outputs);
         parts.timer.set_rate(loop_rate_hz);
-        parts.watchdog.set_patient(false);
+        parts.watchdog.set_long_timeout(false);
         let replies = replies(plan, loop_rate_hz);
         let (supervisor, recorder) = (Supervisor::new(loop_rate_hz), FlightRecorder::new(None));
         let output_plan = plan.output;
@@ -116,7 +116,7 @@ impl<H: ControlHardware> Control<H> {
     /// One tick: what the inputs have, to what the outputs get. `readings`: of inputs with pulses; those with frames are read
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
-    pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
+    pub fn run(&mut self, readings: [InputReading; MOTORS], idle_ran: bool) {
         let Self { tick, parts, inputs, outputs, replies, supervisor, recorder, .. } = self;
         let readings = match inputs {
             None => readings,
@@ -185,7 +185,7 @@ impl<H: ControlHardware> Control<H> {
 
     /// The flash will stall the core (`true`), or has done so (`false`).
     pub fn flash_stalls(&mut self, stalls: bool) {
-        self.parts.watchdog.set_patient(stalls);
+        self.parts.watchdog.set_long_timeout(stalls);
         if let Some(replies) = &mut self.replies {
             replies.withdraw(&mut self.parts.input_frames);
         }

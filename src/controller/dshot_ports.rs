@@ -1,7 +1,7 @@
 //! DShot at the inputs and the outputs: frames instead of pulses.
 
 use super::hardware::{InputFrameHardware, OutputHardware};
-use crate::capture::Reading;
+use crate::capture::InputReading;
 use crate::dshot::{Checksum, Directions, Frame, Receiver, Relay, Value};
 use crate::link::MotorFaults;
 use crate::settings::MOTORS;
@@ -38,14 +38,14 @@ impl FrameInputs {
 
     /// Once per control tick: takes the words that have come, and says what has become of each input. `compensates`: whether some
     /// motor does.
-    pub fn read(&mut self, compensates: bool, hardware: &mut impl InputFrameHardware) -> [Reading; MOTORS] {
-        let mut readings = [Reading::NOTHING; MOTORS];
+    pub fn read(&mut self, compensates: bool, hardware: &mut impl InputFrameHardware) -> [InputReading; MOTORS] {
+        let mut readings = [InputReading::NOTHING; MOTORS];
         for (motor, (receiver, reading)) in self.0.iter_mut().zip(&mut readings).enumerate() {
             for _ in 0..WORDS_PER_TICK {
                 let Some(word) = hardware.take_word(motor) else { break };
                 receiver.receive(word, compensates);
             }
-            if hardware.has_lost_words(motor) {
+            if hardware.take_words_lost(motor) {
                 receiver.lose_words();
             }
             *reading = receiver.read();

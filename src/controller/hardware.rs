@@ -73,7 +73,7 @@ pub trait InputFrameHardware {
     /// The oldest word of an input that was not taken yet. A board holds 4 of each input, or more.
     fn take_word(&mut self, motor: usize) -> Option<Word>;
     /// Whether words of an input were lost since the last call, since it held too many.
-    fn has_lost_words(&mut self, motor: usize) -> bool;
+    fn take_words_lost(&mut self, motor: usize) -> bool;
     /// A bidirectional input answers each frame with this from now on, 25 to 35 µs after the frame's end. It starts no reply
     /// where the line is low meanwhile, or where that was no frame of 16 bits.
     fn offer_reply(&mut self, motor: usize, offer: Offer);
@@ -90,7 +90,7 @@ impl InputFrameHardware for NoInputFrames {
     fn take_word(&mut self, _: usize) -> Option<Word> {
         None
     }
-    fn has_lost_words(&mut self, _: usize) -> bool {
+    fn take_words_lost(&mut self, _: usize) -> bool {
         false
     }
     fn offer_reply(&mut self, _: usize, _: Offer) {}
@@ -122,7 +122,7 @@ pub trait Watchdog {
     /// Begins its time anew.
     fn feed(&mut self);
     /// Sets its time: some control ticks, or (`true`) the seconds that the erasing of flash takes.
-    fn set_patient(&mut self, patient: bool);
+    fn set_long_timeout(&mut self, patient: bool);
 }
 
 /// A board, by the types of what the control task drives.

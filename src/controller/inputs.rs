@@ -1,7 +1,7 @@
 //! The inputs and what decodes them.
 
 use super::hardware::{CaptureTimer, Edge};
-use crate::capture::{Decoder, Faults, Level, Listening, Reading, Timing};
+use crate::capture::{Decoder, Faults, InputReading, Level, Listening, Timing};
 use crate::link::MotorFaults;
 use crate::settings::MOTORS;
 
@@ -45,9 +45,9 @@ impl<T: CaptureTimer> Inputs<T> {
 
     /// Once per control tick: what has become of each input. The capture interrupt waits meanwhile, and only so long.
     #[inline]
-    pub fn poll(&mut self) -> [Reading; MOTORS] {
+    pub fn poll(&mut self) -> [InputReading; MOTORS] {
         let now = self.timer.now();
-        let mut readings = [Reading::NOTHING; MOTORS];
+        let mut readings = [InputReading::NOTHING; MOTORS];
         let Some(decoders) = &mut self.decoders else { return readings };
         for (decoder, reading) in decoders.iter_mut().zip(&mut readings) {
             *reading = decoder.read(now);

@@ -269,7 +269,7 @@ impl<F: NorFlash> RequestHandler<F> {
                 State::Excitation(_) => Err(Refusal::Exciting),
                 state if !state.is_at_rest() => Err(Refusal::NotDisarmed { motor }),
                 _ => {
-                    let channel = path.channel().afresh(compensate);
+                    let channel = path.channel().fresh_copy(compensate);
                     path.restart(channel, source);
                     Ok(())
                 }

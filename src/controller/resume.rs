@@ -523,7 +523,7 @@ mod tests {
             assert_eq!((&resumption.settings, resumption.origin), (&settings, Origin::Stored));
             assert_eq!(resumption.filters, filters(&settings).unwrap());
             assert_eq!(resumption.motors, flying(0.5));
-            let states = resumption.channels().unwrap().map(|channel| (channel.held(), channel.is_enabled()));
+            let states = resumption.channels().unwrap().map(|channel| (channel.hold_state(), channel.is_enabled()));
             assert_eq!(states, flying(0.5).map(|motor| (motor.held, motor.is_enabled)));
             assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "it is read once");
         }

@@ -4,7 +4,7 @@ use heapless::spsc::{Consumer, Producer};
 
 use super::pacing::InputPulse;
 use super::resume::HeldMotor;
-use crate::capture::Reading;
+use crate::capture::InputReading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, Path, REST_MS, RecordClock, Sample,
@@ -123,7 +123,7 @@ impl Motor {
     /// How it goes on after a reset: only where a flight controller turns it.
     #[inline]
     pub(super) fn held(&self) -> HeldMotor {
-        let held = if self.source == CommandSource::Pulse { self.channel.held() } else { None };
+        let held = if self.source == CommandSource::Pulse { self.channel.hold_state() } else { None };
         HeldMotor { held, is_enabled: self.channel.is_enabled() }
     }
 
@@ -180,7 +180,7 @@ impl Motor {
     fn pause(&mut self) {
         self.before_pause = self.unpaused();
         self.source = CommandSource::Paused;
-        self.channel.lock();
+        self.channel.mark_lost();
     }
 
     fn resume(&mut self) {
@@ -213,7 +213,7 @@ impl Motor {
 
     /// One tick.
     #[inline]
-    fn run(&mut self, reading: Reading, common: &Common) {
+    fn run(&mut self, reading: InputReading, common: &Common) {
         // Nearly all ticks of a flight.
         if self.source == CommandSource::Pulse {
             if let Some(width_ticks) = reading.width_ticks() {
@@ -222,7 +222,7 @@ impl Motor {
                 self.output = self.channel.tick(Input::Command(command));
                 return;
             }
-            if reading == Reading::UNCHANGED {
+            if reading == InputReading::UNCHANGED {
                 self.output = self.channel.tick(Input::Unchanged);
                 return;
             }
@@ -232,8 +232,8 @@ impl Motor {
 
     /// [`Self::run`] with any source and any reading.
     #[inline(never)]
-    fn run_any(&mut self, reading: Reading, common: &Common) {
-        self.is_unreadable = reading == Reading::UNREADABLE;
+    fn run_any(&mut self, reading: InputReading, common: &Common) {
+        self.is_unreadable = reading == InputReading::UNREADABLE;
         let input = Input::from_reading(reading, &common.input_scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
@@ -280,7 +280,7 @@ impl Motor {
         if self.source == CommandSource::Inject {
             // A line that had no pulse gets none now: they would arm an ESC.
             if self.output == EscCommand::NO_PULSE {
-                self.channel.lock()
+                self.channel.mark_lost()
             } else {
                 self.channel.stop()
             }
@@ -362,7 +362,11 @@ impl Tick {
     /// Integer, without division, heap or panic; every loop is over the motors. What is measured of a motor is asked for after
     /// the motors, and only where it is recorded: a conversion that began with the tick is done by then.
     #[inline]
-    pub fn run(&mut self, readings: [Reading; MOTORS], sensed: impl FnOnce(usize) -> Sensed) -> [EscCommand; MOTORS] {
+    pub fn run(
+        &mut self,
+        readings: [InputReading; MOTORS],
+        sensed: impl FnOnce(usize) -> Sensed,
+    ) -> [EscCommand; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
         for (motor, reading) in self.motors.iter_mut().zip(&readings) {
             motor.run(*reading, &self.common);

@@ -1,7 +1,7 @@
 //! One motor's DShot input: from words to what the control tick reads, and to the frames that are to go on.
 
 use super::{Content, Directions, Frame, Relay, Value};
-use crate::capture::{PULSES_TO_LIVE, Reading};
+use crate::capture::{InputReading, PULSES_TO_LIVE};
 use crate::throttle::EscCommand;
 
 /// What came on a line between two gaps: its bits, the first the highest, behind a one that says how many there are.
@@ -131,7 +131,7 @@ impl Receiver {
 
     /// Once per control tick, after its words: what has become of the input. A pulse's width is the value of a throttle, and for
     /// a stop the one below ([`super::BELOW_THROTTLE`]), as [`Form::Frames`](crate::protocol::Form::Frames) has it.
-    pub fn read(&mut self) -> Reading {
+    pub fn read(&mut self) -> InputReading {
         let newest = self.newest.take();
         self.rate.poll();
         if self.silent_polls >= self.timeout_polls {
@@ -141,10 +141,10 @@ impl Receiver {
         self.silent_polls = self.silent_polls.saturating_add(1);
         self.idle_polls = self.idle_polls.saturating_add(1);
         match self.liveness {
-            Liveness::Live => newest.map_or(Reading::UNCHANGED, |content| Reading::pulse(width(content))),
-            _ if !is_idle => Reading::UNREADABLE,
-            Liveness::Never => Reading::NOTHING,
-            Liveness::Lost => Reading::LOST,
+            Liveness::Live => newest.map_or(InputReading::UNCHANGED, |content| InputReading::pulse(width(content))),
+            _ if !is_idle => InputReading::UNREADABLE,
+            Liveness::Never => InputReading::NOTHING,
+            Liveness::Lost => InputReading::LOST,
         }
     }
 
@@ -242,20 +242,20 @@ mod tests {
     #[test]
     fn a_line_is_live_after_good_frames_in_a_row_and_lost_without_any() {
         let mut receiver = receiver();
-        assert_eq!(receiver.read(), Reading::NOTHING);
+        assert_eq!(receiver.read(), InputReading::NOTHING);
         for _ in 1..PULSES_TO_LIVE {
             receiver.receive(word(1000), false);
-            assert_eq!(receiver.read(), Reading::UNREADABLE, "driven, and not live");
+            assert_eq!(receiver.read(), InputReading::UNREADABLE, "driven, and not live");
         }
         receiver.receive(word(1000), false);
-        assert_eq!(receiver.read(), Reading::pulse(1000));
+        assert_eq!(receiver.read(), InputReading::pulse(1000));
         for _ in 1..TIMEOUT {
-            assert_eq!(receiver.read(), Reading::UNCHANGED);
+            assert_eq!(receiver.read(), InputReading::UNCHANGED);
         }
-        assert_eq!(receiver.read(), Reading::LOST);
+        assert_eq!(receiver.read(), InputReading::LOST);
         assert_eq!(receiver.losses(), 1);
         receiver.receive(word(1000), false);
-        assert_eq!(receiver.read(), Reading::UNREADABLE, "one frame is no flight controller");
+        assert_eq!(receiver.read(), InputReading::UNREADABLE, "one frame is no flight controller");
     }
 
     #[test]
@@ -271,9 +271,9 @@ mod tests {
                 bad += 1;
                 assert_eq!(receiver.next(EscCommand::from(Command::ONE)), None);
             }
-            assert_eq!(receiver.read() == Reading::UNCHANGED, poll + 1 < TIMEOUT, "poll {poll}");
+            assert_eq!(receiver.read() == InputReading::UNCHANGED, poll + 1 < TIMEOUT, "poll {poll}");
         }
-        assert_eq!(receiver.read(), Reading::UNREADABLE);
+        assert_eq!(receiver.read(), InputReading::UNREADABLE);
         assert_eq!((receiver.bad_frames(), receiver.losses()), (bad, 1));
     }
 
@@ -282,7 +282,7 @@ mod tests {
         let mut receiver = live();
         for (values, read) in [(&[0_u16][..], 47), (&[1000, 20], 47), (&[20, 48], 48), (&[0, 2047], 2047)] {
             values.iter().for_each(|value| receiver.receive(word(*value), false));
-            assert_eq!(receiver.read(), Reading::pulse(read), "{values:?}");
+            assert_eq!(receiver.read(), InputReading::pulse(read), "{values:?}");
         }
     }
 

@@ -164,14 +164,14 @@ impl Key {
 
 /// A key, and the motor whose it is: `damping`, `motor.2.idle`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct Place {
+pub struct SettingId {
     /// The parameter.
     pub key: Key,
     /// The motor, from 0; `None` for parameters of the whole controller.
     pub motor: Option<u8>,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for SettingId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(motor) = self.motor {
             write!(f, "motor.{motor}.")?;

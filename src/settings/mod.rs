@@ -25,7 +25,7 @@ use crate::throttle::Command;
 pub use crate::channel::NoSignal;
 pub use crate::protocol::{Pulse, PulseProtocol};
 pub use compensator::{CompensatorKind, Inverse, Lead};
-pub use key::{Key, Place};
+pub use key::{Key, SettingId};
 pub use levels::Levels;
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{

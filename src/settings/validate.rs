@@ -6,7 +6,7 @@ use core::ops::Deref;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{CompensatorKind, Key, Levels, MotorSettings, Place, Pulse, PulseProtocol, Settings};
+use super::{CompensatorKind, Key, Levels, MotorSettings, Pulse, PulseProtocol, SettingId, Settings};
 use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
 use crate::dshot::WINDOW_LEVELS;
 use crate::throttle::Command;
@@ -48,7 +48,7 @@ const ONE: i32 = Command::ONE.to_bits();
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SettingsError {
     /// The parameter.
-    pub place: Place,
+    pub place: SettingId,
     /// What is wrong with it.
     pub problem: Problem,
 }
@@ -270,7 +270,7 @@ impl Settings {
     /// # Errors
     /// [`SettingsError`] names the first parameter that is wrong, and its range.
     pub fn validate(self) -> Result<Validated, SettingsError> {
-        let whole = |key| Place { key, motor: None };
+        let whole = |key| SettingId { key, motor: None };
         within(whole(Key::LoopRateHz), self.loop_rate_hz, LOOP_RATE_RANGE_HZ)?;
         let fastest_rad_s = crate::design::FASTEST_POLE_RAD * f64::from(self.loop_rate_hz);
         within(whole(Key::OmegaZRadS), self.lead.omega_z_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
@@ -310,14 +310,14 @@ impl Settings {
 
     /// An inverse, and where it is used the time constants of every motor.
     fn check_inverse(&self, fastest_rad_s: f64) -> Result<(), SettingsError> {
-        let whole = |key| Place { key, motor: None };
+        let whole = |key| SettingId { key, motor: None };
         let inverse = &self.inverse;
         within(whole(Key::InverseNaturalRadS), inverse.natural_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
         within(whole(Key::InverseDamping), inverse.damping, DAMPING_RANGE)?;
         level(whole(Key::InverseCompensateFrom), inverse.compensate_from, (0, ONE))?;
         level(whole(Key::InverseCompensateTo), inverse.compensate_to, (inverse.compensate_from, ONE))?;
         for (index, motor) in (0..).zip(&self.motors) {
-            let place = Place { key: Key::TimeConstantS, motor: Some(index) };
+            let place = SettingId { key: Key::TimeConstantS, motor: Some(index) };
             match &motor.curve {
                 Some(curve) => {
                     for tau_s in curve.time_constants_s() {
@@ -334,7 +334,7 @@ impl Settings {
     }
 
     /// A stop command that stops, and raw duties that have edges.
-    fn check_stop(&self, place: Place) -> Result<(), SettingsError> {
+    fn check_stop(&self, place: SettingId) -> Result<(), SettingsError> {
         if self.output.protocol != PulseProtocol::RawDuty {
             level(place, self.stop, (0, ONE))?;
             return if self.stop == 0 {
@@ -354,7 +354,7 @@ impl Settings {
         };
         edges(place, self.stop, as_command(HIGHEST_STOP))?;
         for (index, motor) in (0..).zip(&self.motors) {
-            edges(Place { key: Key::Max, motor: Some(index) }, motor.max, 1.0 - shortest)?;
+            edges(SettingId { key: Key::Max, motor: Some(index) }, motor.max, 1.0 - shortest)?;
         }
         Ok(())
     }
@@ -437,7 +437,7 @@ impl Settings {
     }
 
     fn check_motor(&self, index: u8, motor: &MotorSettings) -> Result<(), SettingsError> {
-        let place = |key| Place { key, motor: Some(index) };
+        let place = |key| SettingId { key, motor: Some(index) };
         let Levels { disarming, arming, idle } = self.levels(motor);
         // Each level inside its widest range first, so that the ranges of the others make sense.
         level(place(Key::Disarming), disarming, (0, HIGHEST_IDLE))?;
@@ -462,7 +462,7 @@ const fn reply_us(protocol: PulseProtocol) -> u32 {
 }
 
 /// A frame rate within its range, whose frame holds the longest pulse and a gap.
-fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
+fn pulse(place: SettingId, pulse: Pulse) -> Result<(), SettingsError> {
     if pulse.protocol.dshot().is_some() {
         within(place, pulse.frame_hz, DSHOT_FRAME_RANGE_HZ)?;
     } else {
@@ -483,7 +483,7 @@ fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
 }
 
 /// A number within its range. NaN is not.
-fn within<T: Into<f64>>(place: Place, value: T, (min, max): (T, T)) -> Result<(), SettingsError> {
+fn within<T: Into<f64>>(place: SettingId, value: T, (min, max): (T, T)) -> Result<(), SettingsError> {
     let (value, min, max) = (value.into(), min.into(), max.into());
     if value >= min && value <= max {
         return Ok(());
@@ -492,7 +492,7 @@ fn within<T: Into<f64>>(place: Place, value: T, (min, max): (T, T)) -> Result<()
 }
 
 /// Command bits within their range, reported as commands.
-fn level(place: Place, bits: i32, (min, max): (i32, i32)) -> Result<(), SettingsError> {
+fn level(place: SettingId, bits: i32, (min, max): (i32, i32)) -> Result<(), SettingsError> {
     within(place, as_command(bits), (as_command(min), as_command(max)))
 }
 

@@ -31,7 +31,7 @@ const SETTLED_SAMPLES: u32 = 26;
 /// From an edge to its stamp: two counts for each of these samples.
 const DEBOUNCE_COUNTS: u32 = 2 * SETTLED_SAMPLES;
 /// Stamps that a queue holds.
-pub const STAMPS_HELD: u8 = 8;
+pub const EDGE_FIFO_DEPTH: u8 = 8;
 /// Counts in a microsecond.
 const COUNTS_PER_US: u32 = CORE_HZ / COUNT_CYCLES / 1_000_000;
 /// The machines start so many counts after a microsecond's beginning at most: the loop that waits for it takes 10 cycles, and the
@@ -218,13 +218,13 @@ pub struct Capture {
     timer: TIMER,
     is_listening: bool,
     /// Stamps of each input, with the next, up to the first behind one that was lost; 0 where none was.
-    to_gap: [u8; MOTORS],
+    stamps_until_gap: [u8; MOTORS],
 }
 
 impl Capture {
     /// Of pins that are connected.
     pub fn new(timer: TIMER) -> Self {
-        Self { machines: machines(), timer, is_listening: true, to_gap: [0; MOTORS] }
+        Self { machines: machines(), timer, is_listening: true, stamps_until_gap: [0; MOTORS] }
     }
 }
 
@@ -238,7 +238,7 @@ const fn edge(now: u32, stamp: u32, overcapture: bool) -> Edge {
 }
 
 impl CaptureTimer for Capture {
-    /// A tick takes the [`STAMPS_HELD`] of each queue at most, and a machine makes one in 2 µs at most.
+    /// A tick takes the [`EDGE_FIFO_DEPTH`] of each queue at most, and a machine makes one in 2 µs at most.
     const IS_QUEUED: bool = true;
 
     /// At most 1.3 µs early: what was stamped since then is a little later than now.
@@ -255,11 +255,15 @@ impl CaptureTimer for Capture {
             return edges;
         }
         let now = self.now();
-        for (input, (edge_of, to_gap)) in edges.iter_mut().zip(&mut self.to_gap).enumerate() {
+        for (input, (edge_of, stamps_until_gap)) in edges.iter_mut().zip(&mut self.stamps_until_gap).enumerate() {
             let Some(stamp) = self.machines.pop(input) else { continue };
-            let is_behind_gap = *to_gap == 1;
+            let is_behind_gap = *stamps_until_gap == 1;
             // The queue was full when a stamp was lost: this one and those behind it are older.
-            *to_gap = if self.machines.has_lost(input) { STAMPS_HELD } else { to_gap.saturating_sub(1) };
+            *stamps_until_gap = if self.machines.take_overflow_flag(input) {
+                EDGE_FIFO_DEPTH
+            } else {
+                stamps_until_gap.saturating_sub(1)
+            };
             if self.is_listening {
                 *edge_of = Some(edge(now, stamp, is_behind_gap));
             }
@@ -270,7 +274,7 @@ impl CaptureTimer for Capture {
     /// All or none: no input is switched off by itself.
     fn listen(&mut self, inputs: [Listening; MOTORS]) {
         self.is_listening = inputs.iter().any(|input| *input != Listening::Off);
-        self.to_gap = [0; MOTORS];
+        self.stamps_until_gap = [0; MOTORS];
     }
 }
 
@@ -329,8 +333,8 @@ impl InputFrameHardware for InputFrames {
     }
 
     #[inline]
-    fn has_lost_words(&mut self, input: usize) -> bool {
-        self.machines.has_lost(input)
+    fn take_words_lost(&mut self, input: usize) -> bool {
+        self.machines.take_overflow_flag(input)
     }
 
     /// The word has the delay, and the levels behind it.

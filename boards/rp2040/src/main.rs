@@ -65,7 +65,7 @@ mod app {
     use rotorlead_rp2040::generated::LED;
     use rp2040_hal::pac::{Interrupt, TIMER};
 
-    use crate::inputs::{Capture, STAMPS_HELD};
+    use crate::inputs::{Capture, EDGE_FIFO_DEPTH};
     use crate::parts::{BoardStatus, Rp2040};
     use crate::postmortem;
     use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
@@ -158,7 +158,7 @@ mod app {
     /// Bytes of the link.
     #[task(binds = UART0_IRQ, priority = 2, local = [serial])]
     fn link_bytes(cx: link_bytes::Context) {
-        cx.local.serial.exchange();
+        cx.local.serial.handle_interrupt();
     }
 
     /// The control task: newest pulse or frame of each input, through its channel, to its output.
@@ -169,7 +169,7 @@ mod app {
     #[task(binds = SysTick, priority = 4, shared = [inputs, control, &idle_ran])]
     fn control(mut cx: control::Context) {
         let readings = cx.shared.inputs.lock(|inputs| {
-            let _ = (0..STAMPS_HELD).all(|_| inputs.capture());
+            let _ = (0..EDGE_FIFO_DEPTH).all(|_| inputs.capture());
             inputs.poll()
         });
         // No swap: the lowest priority does not run between the two.

@@ -20,7 +20,7 @@ pub const RECEIVE_QUEUE: usize = 2048;
 /// Size of the queue of bytes to be sent, a power of two.
 pub const SEND_QUEUE: usize = 1024;
 /// Bytes that the UART holds each way.
-const HELD: usize = 32;
+const FIFO_BYTES: usize = 32;
 /// The divider of the UART's clock, in 1/64: 16 samples to a bit (RP2040 datasheet, 4.2.7.1).
 const DIVIDER: u32 = (CORE_HZ * 4 + BAUD / 2) / BAUD;
 
@@ -71,14 +71,14 @@ impl Serial {
     }
 
     /// The interrupt: what has come, and what there is room for.
-    pub fn exchange(&mut self) {
+    pub fn handle_interrupt(&mut self) {
         // First the flags: what comes from here on raises them anew.
         self.uart.uarticr().write(|w| {
             w.rxic().clear_bit_by_one();
             w.rtic().clear_bit_by_one();
             w.txic().clear_bit_by_one()
         });
-        for _ in 0..HELD {
+        for _ in 0..FIFO_BYTES {
             if self.uart.uartfr().read().rxfe().bit() {
                 break;
             }
@@ -92,7 +92,7 @@ impl Serial {
                 count_lost();
             }
         }
-        for _ in 0..HELD {
+        for _ in 0..FIFO_BYTES {
             if self.uart.uartfr().read().txff().bit() {
                 break;
             }

@@ -188,14 +188,14 @@ impl StateMachines {
     /// Whether a word found the queue full since the last time that this was asked.
     #[allow(unsafe_code)]
     #[inline]
-    pub fn has_lost(&self, motor: usize) -> bool {
+    pub fn take_overflow_flag(&self, motor: usize) -> bool {
         let flag = 1 << motor;
-        let has_lost = self.registers().fdebug().read().bits() & flag != 0;
-        if has_lost {
+        let take_overflow_flag = self.registers().fdebug().read().bits() & flag != 0;
+        if take_overflow_flag {
             // SAFETY: a one clears its flag.
             self.registers().fdebug().write(|w| unsafe { w.bits(flag) });
         }
-        has_lost
+        take_overflow_flag
     }
 
     #[allow(unsafe_code)]

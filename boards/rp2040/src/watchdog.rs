@@ -6,15 +6,15 @@ use rp2040_hal::pac::{PSM, WATCHDOG};
 
 /// Longest time without a feed while starting or while the flash stalls, the longest that there is: the design of the filter is some
 /// 200 ms of double precision in software, and two sectors are erased in 0.8 s at most.
-const PATIENT_US: u32 = 8_000_000;
+const LONG_TIMEOUT_US: u32 = 8_000_000;
 /// Longest time without a feed from the control task, 100 of its ticks.
-const RUN_US: u32 = 20_000;
+const RUN_TIMEOUT_US: u32 = 20_000;
 /// The counter goes down by two in a microsecond: RP2040-E1.
 const COUNTS_PER_US: u32 = 2;
 
 /// Stands in a scratch register from [`Watchdog::start`] to the next start. Power-on and the pin RUN clear it. The boot ROM, which
 /// restarts by the watchdog after a file was copied, does not use this register.
-const RUNS: u32 = 0x9E5E_7D06;
+const RUNNING_MARKER: u32 = 0x9E5E_7D06;
 
 /// The watchdog, running.
 pub struct Watchdog {
@@ -28,9 +28,9 @@ impl Watchdog {
     pub fn start(registers: WATCHDOG, power: &PSM) -> Self {
         let mut watchdog = Self { registers, load: 0 };
         select(power);
-        watchdog.set_patient(true);
+        watchdog.set_long_timeout(true);
         // SAFETY: any bits are as good.
-        watchdog.registers.scratch0().write(|w| unsafe { w.bits(RUNS) });
+        watchdog.registers.scratch0().write(|w| unsafe { w.bits(RUNNING_MARKER) });
         watchdog.registers.ctrl().write(|w| {
             w.pause_dbg0().clear_bit();
             w.pause_dbg1().clear_bit();
@@ -42,8 +42,8 @@ impl Watchdog {
 }
 
 impl hardware::Watchdog for Watchdog {
-    fn set_patient(&mut self, patient: bool) {
-        self.load = COUNTS_PER_US * if patient { PATIENT_US } else { RUN_US };
+    fn set_long_timeout(&mut self, patient: bool) {
+        self.load = COUNTS_PER_US * if patient { LONG_TIMEOUT_US } else { RUN_TIMEOUT_US };
         self.feed();
     }
 
@@ -55,7 +55,7 @@ impl hardware::Watchdog for Watchdog {
 
 /// Whether [`Watchdog::start`] was the last to start the watchdog before this reset. Says so once.
 pub fn take_was_running(registers: &WATCHDOG) -> bool {
-    let was_running = registers.scratch0().read().bits() == RUNS;
+    let was_running = registers.scratch0().read().bits() == RUNNING_MARKER;
     registers.scratch0().reset();
     was_running
 }

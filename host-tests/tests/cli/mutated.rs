@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 
 use crate::promise::{Broken, Kind, Trouble, hold};
 use crate::stand::{MODEL, PLAN, Stand, everything};
@@ -158,7 +158,7 @@ fn mutated_toml(random: &mut ChaCha8Rng, text: &str) -> String {
             lines.swap(at, with);
         }
         3 => {
-            let keys: Vec<&str> = Quantity::ALL.iter().flat_map(|quantity| quantity.keys).copied().collect();
+            let keys: Vec<&str> = AcceptedRange::ALL.iter().flat_map(|quantity| quantity.keys).copied().collect();
             let key = *one(random, &keys);
             lines.insert(at, format!("{key} = {}", one(random, &EXTREMES)));
         }

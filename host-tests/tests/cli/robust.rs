@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::Path;
 
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 
 use crate::promise::{Trouble, hold};
 use crate::stand::Stand;
@@ -273,8 +273,8 @@ fn the_page_of_ranges_has_the_table_of_the_code() {
     let (head, rest) = text.split_at(text.find("| key").expect("the page has a table"));
     let end = rest.find("\n\n").map_or(rest.len(), |end| end + 1);
     if std::env::var_os("ROTORLEAD_UPDATE_PAGES").is_some() {
-        fs::write(&page, format!("{head}{}{}", Quantity::table(), &rest[end..])).unwrap();
+        fs::write(&page, format!("{head}{}{}", AcceptedRange::table(), &rest[end..])).unwrap();
         return;
     }
-    assert_eq!(&rest[..end], Quantity::table(), "ROTORLEAD_UPDATE_PAGES=1 writes it");
+    assert_eq!(&rest[..end], AcceptedRange::table(), "ROTORLEAD_UPDATE_PAGES=1 writes it");
 }

@@ -5,8 +5,8 @@ use host_tests::fuzz::{PULSES, fuzz_capture};
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, decode_with, us};
 use proptest::prelude::*;
 use rotorlead::capture::{
-    Decoder, FILTERED_POLLS, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing,
-    TimingError,
+    Decoder, FILTERED_POLLS, Faults, InputReading, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Signal,
+    Timing, TimingError,
 };
 use rotorlead::protocol::{Pulse, PulseProtocol};
 
@@ -515,7 +515,7 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
                 let from = first + us(500.0) + 2 * TICKS_PER_POLL;
                 assert_ne!(reading.width_ticks(), Some(0), "{name}");
                 if (from..last).contains(&time) {
-                    assert_eq!(reading, Reading::UNREADABLE, "{name} at {time}");
+                    assert_eq!(reading, InputReading::UNREADABLE, "{name} at {time}");
                 }
                 // The pause of a mask, and the time behind the long filter, to which such a line may be silent.
                 let polls = u64::from(LONGEST_MASK_POLLS + FILTERED_POLLS) + 10;
@@ -535,13 +535,13 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
     // The edge that showed the line low counts until the timeout.
     let late = readings.iter().filter(|&&(time, _)| time > timeout);
     for (time, reading) in late {
-        assert_eq!(*reading, Reading::NOTHING, "at {time}");
+        assert_eq!(*reading, InputReading::NOTHING, "at {time}");
     }
     // A line that is lost and silent.
     let readings = decode_with(&mut servo(), &servo_pulses(500.0, 20), 0, us(400_000.0), Decoder::read);
     let driven = readings.iter().filter(|(time, _)| *time > us(200_000.0));
     assert!(driven.clone().count() > 900);
-    driven.for_each(|(_, reading)| assert_eq!(*reading, Reading::LOST));
+    driven.for_each(|(_, reading)| assert_eq!(*reading, InputReading::LOST));
 }
 
 /// Of a spike that is shorter than the interrupt's latency both edges read low.
@@ -549,11 +549,14 @@ fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
 fn one_spike_on_an_open_line_does_not_drive_it() {
     let mut decoder = servo();
     let quiet = us(500_000.0) as u32;
-    assert_eq!((0..quiet).step_by(TICKS_PER_POLL as usize).map(|now| decoder.read(now)).last(), Some(Reading::NOTHING));
+    assert_eq!(
+        (0..quiet).step_by(TICKS_PER_POLL as usize).map(|now| decoder.read(now)).last(),
+        Some(InputReading::NOTHING)
+    );
     decoder.edge(quiet, Level::Low);
     for poll in 1..2 * FILTERED_POLLS {
         let reading = decoder.read(quiet + u32::from(poll) * TICKS_PER_POLL as u32);
-        assert_eq!(reading, Reading::NOTHING, "at poll {poll} after the spike");
+        assert_eq!(reading, InputReading::NOTHING, "at poll {poll} after the spike");
     }
     assert_eq!(decoder.faults().missing_edges, 1, "it is counted");
 }

@@ -324,7 +324,7 @@ fn a_reset_while_armed_leaves_the_motor_stopped_until_a_disarmed_command_was_see
     for filter in paper_filters() {
         let mut channel = armed_with(filter, 0.5);
         channel.tick(live(0.5));
-        for mut channel in [fresh_with(filter), channel.afresh(true)] {
+        for mut channel in [fresh_with(filter), channel.fresh_copy(true)] {
             for _ in 0..20 * LOOP_HZ {
                 assert_eq!(channel.tick(live(0.5)), NO_PULSE);
             }
@@ -347,11 +347,11 @@ fn made_afresh_a_channel_is_as_it_was_made() {
             used.tick(live(0.9));
             let mut new = fresh_with(filter);
             new.set_enabled(is_enabled);
-            let mut afresh = used.afresh(is_enabled);
+            let mut fresh_copy = used.fresh_copy(is_enabled);
             for input in [0.0, 0.3, 0.35, 0.6, 0.2, 0.0, 0.5].map(live) {
                 for _ in 0..100 {
-                    assert_eq!(afresh.tick(input), new.tick(input));
-                    assert_eq!((afresh.state(), afresh.command()), (new.state(), new.command()));
+                    assert_eq!(fresh_copy.tick(input), new.tick(input));
+                    assert_eq!((fresh_copy.state(), fresh_copy.command()), (new.state(), new.command()));
                 }
             }
         }
@@ -788,7 +788,7 @@ fn how_long_a_channel_is_at_rest_is_known() {
         channel.tick(live(0.0));
         assert_eq!(channel.rest_ticks(), n);
     }
-    assert_eq!(channel.afresh(true).rest_ticks(), 99);
+    assert_eq!(channel.fresh_copy(true).rest_ticks(), 99);
     channel.tick(Input::Lost);
     assert_eq!(channel.rest_ticks(), 100);
     channel.start_excitation(excitation(10)).unwrap();
@@ -801,12 +801,12 @@ fn how_long_a_channel_is_at_rest_is_known() {
 fn a_resumed_channel_holds_for_what_is_left_and_goes_on() {
     for filter in paper_filters() {
         let mut before = armed_with(filter, 0.5);
-        let (level, ticks_left) = before.held().unwrap();
+        let (level, ticks_left) = before.hold_state().unwrap();
         assert_eq!((level, ticks_left), (command(0.5), settings().hold_ticks));
         for _ in 0..100 {
             before.tick(Input::Lost);
         }
-        let (level, ticks_left) = before.held().unwrap();
+        let (level, ticks_left) = before.hold_state().unwrap();
         assert_eq!(ticks_left, settings().hold_ticks - 100);
         let resumed = || {
             let mut channel = fresh_with(filter);
@@ -828,7 +828,7 @@ fn a_resumed_channel_holds_for_what_is_left_and_goes_on() {
     // No more than the settings hold, nothing that means a stop, and nothing while anything else goes on.
     let mut channel = fresh();
     channel.resume(command(0.5), u32::MAX);
-    assert_eq!(channel.held(), Some((command(0.5), settings().hold_ticks)));
+    assert_eq!(channel.hold_state(), Some((command(0.5), settings().hold_ticks)));
     for mut channel in [fresh(), armed(0.3)] {
         let before = channel.state();
         channel.resume(command(if before == State::Armed { 0.9 } else { 0.039 }), 500);
@@ -839,7 +839,7 @@ fn a_resumed_channel_holds_for_what_is_left_and_goes_on() {
         for _ in 0..ticks {
             channel.tick(input);
         }
-        assert_eq!(channel.held(), None, "{:?}", channel.state());
+        assert_eq!(channel.hold_state(), None, "{:?}", channel.state());
     }
     let mut channel = fresh();
     channel.start_excitation(excitation(1000)).unwrap();
@@ -847,7 +847,7 @@ fn a_resumed_channel_holds_for_what_is_left_and_goes_on() {
         channel.keep_alive();
         channel.tick(Input::Nothing);
     });
-    assert_eq!(channel.held(), None);
+    assert_eq!(channel.hold_state(), None);
 }
 
 /// What happens to a channel in one tick of a random life.

@@ -225,7 +225,7 @@ fn frames_of_an_input_are_counted_and_its_pulses_are_left_alone() {
     let faults = board.counts().motors;
     assert_eq!(faults.map(|motor| motor.bad_frames), [0, 0, 4, 0]);
     // Words that the board has lost.
-    board.control.parts_mut().input_frames.has_lost_words[1] = true;
+    board.control.parts_mut().input_frames.take_words_lost[1] = true;
     run(&mut board);
     assert_eq!(board.counts().motors.map(|motor| motor.dropped_frames), [0, 1, 0, 0]);
     // 100 ms without a frame.

@@ -3,7 +3,7 @@
 use host_tests::board::{CRYSTAL, TestBoard, TestHardware, TestOutputs, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::SECTOR;
-use rotorlead::capture::{Reading, Signal};
+use rotorlead::capture::{InputReading, Signal};
 use rotorlead::controller::{Control, FrameAction, FramePacer, Frames, InputPulse, OutputPlan, Plan};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
@@ -128,7 +128,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
             begun.push(rise_s);
             next += 1;
         }
-        control.run([signal.into(), Reading::NOTHING, Reading::NOTHING, Reading::NOTHING], true);
+        control.run([signal.into(), InputReading::NOTHING, InputReading::NOTHING, InputReading::NOTHING], true);
         go_out(&control.parts_mut().outputs, &mut begun);
     }
     // Until the frames have caught up with the input, which takes them long where their rates are nearly the same.

@@ -10,7 +10,7 @@ use rotorlead::link::{
     PAYLOAD_BYTES, PanicPlace, Path, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal,
     Request, ResetReason, Sample, Sensed, Series, Source, Tagged, VERSION, Writer, encode,
 };
-use rotorlead::settings::{Key, Origin, Place, Problem, Settings, SettingsError, Warnings};
+use rotorlead::settings::{Key, Origin, Problem, SettingId, Settings, SettingsError, Warnings};
 use rotorlead::throttle::Command;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -125,11 +125,11 @@ fn messages() -> Vec<(Message, &'static str)> {
         adc: series(&[2000, 2001]),
         turn_us: series(&[NO_TURN, 857]),
     };
-    let place = Place { key: Key::Damping, motor: None };
+    let place = SettingId { key: Key::Damping, motor: None };
     let out_of_range = Problem::OutOfRange { value: 3.0, min: 0.25, max: 2.0 };
     let refused = |refusal| Message::Refused(refusal);
     let error = |place, problem| refused(Refusal::Settings(SettingsError { place, problem }));
-    let motor_max = Place { key: Key::Max, motor: Some(2) };
+    let motor_max = SettingId { key: Key::Max, motor: Some(2) };
     vec![
         (Message::Done, "00"),
         (refused(Refusal::UnknownMotor), "0100"),
@@ -138,10 +138,10 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::InputLive { motor: 3 }), "010303"),
         (error(place, out_of_range), "0104 0400 00 0000000000000840 000000000000d03f 0000000000000040"),
         (error(place, Problem::ZeroNotBelowPoles), "0104040001"),
-        (error(Place { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010418010302"),
-        (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
+        (error(SettingId { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010418010302"),
+        (error(SettingId { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
         (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104040004d00fef03"),
-        (error(Place { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "0104090007"),
+        (error(SettingId { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "0104090007"),
         (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "010416010205000000000000d03f0000000000000040"),
         (refused(Refusal::Design), "0105"),
         (refused(Refusal::SaveFailed), "0106"),
@@ -161,7 +161,10 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::NoDshot), "0111"),
         (refused(Refusal::NotRested { motor: 2 }), "011202"),
         (
-            error(Place { key: Key::InputFrameHz, motor: None }, Problem::FramesOutrunTicks { min_loop_rate_hz: 4000 }),
+            error(
+                SettingId { key: Key::InputFrameHz, motor: None },
+                Problem::FramesOutrunTicks { min_loop_rate_hz: 4000 },
+            ),
             "01040a0006a01f",
         ),
         (

@@ -1,7 +1,7 @@
 //! A flight controller whose pulses are not those of the settings is a flight controller all the same.
 
 use host_tests::rig::Rig;
-use rotorlead::capture::Reading;
+use rotorlead::capture::InputReading;
 use rotorlead::link::{ExciteRequest, InjectRequest, LineSet, Message, Refusal, Request, Sensed, Source};
 use rotorlead::settings::{MOTORS, Settings};
 use rotorlead::throttle::{Command, EscCommand};
@@ -27,13 +27,13 @@ fn rig() -> Rig {
     Rig::with(settings)
 }
 
-fn run(rig: &mut Rig, readings: [Reading; MOTORS]) -> EscCommand {
+fn run(rig: &mut Rig, readings: [InputReading; MOTORS]) -> EscCommand {
     rig.hardware.tick_mut().run(readings, |_| Sensed::adc(0))[0]
 }
 
-fn unreadable_at(input: usize) -> [Reading; MOTORS] {
-    let mut readings = [Reading::NOTHING; MOTORS];
-    readings[input] = Reading::UNREADABLE;
+fn unreadable_at(input: usize) -> [InputReading; MOTORS] {
+    let mut readings = [InputReading::NOTHING; MOTORS];
+    readings[input] = InputReading::UNREADABLE;
     readings
 }
 
@@ -46,7 +46,7 @@ fn nothing_is_driven_while_an_input_has_pulses_of_another_protocol() {
             let refusal = Message::Refused(Refusal::InputLive { motor: input as u8 });
             assert_eq!(rig.ask(&request), refusal, "{request:?}");
             // Gone, it may be.
-            run(&mut rig, [Reading::NOTHING; MOTORS]);
+            run(&mut rig, [InputReading::NOTHING; MOTORS]);
             assert_eq!(rig.ask(&request), Message::Done, "{request:?}");
         }
     }
@@ -62,7 +62,7 @@ fn an_excitation_ends_down_its_ramp_when_they_come_up() {
             if n % 250 == 0 {
                 assert_eq!(rig.ask(&Request::KeepAlive), Message::Done);
             }
-            output = run(&mut rig, [Reading::NOTHING; MOTORS]);
+            output = run(&mut rig, [InputReading::NOTHING; MOTORS]);
         }
         assert!(output > Command::saturating_from_f64(0.4), "{output:?}");
         // The host goes on, and the pulses were there for one tick only. The ramp from 0.5 takes 1.5 s of 2.
@@ -71,7 +71,7 @@ fn an_excitation_ends_down_its_ramp_when_they_come_up() {
             if n % 250 == 0 {
                 rig.ask(&Request::KeepAlive);
             }
-            output = run(&mut rig, [Reading::NOTHING; MOTORS]);
+            output = run(&mut rig, [InputReading::NOTHING; MOTORS]);
         }
         assert!(output <= Command::ZERO, "{output:?}");
     }
@@ -89,7 +89,7 @@ fn an_injection_stops_at_once_when_they_come_up() {
         rig.serve(usize::MAX);
         let mut output = EscCommand::NO_PULSE;
         for _ in 0..100 {
-            output = run(&mut rig, [Reading::NOTHING; MOTORS]);
+            output = run(&mut rig, [InputReading::NOTHING; MOTORS]);
         }
         assert!(output > Command::saturating_from_f64(0.2), "{output:?}");
         // Common to all motors from the next tick on.

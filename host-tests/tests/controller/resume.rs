@@ -3,7 +3,7 @@
 use host_tests::board::{CRYSTAL, INTERNAL_PLL, facts};
 use host_tests::line::LOOP_HZ;
 use host_tests::rig::{Rig, SharedFlash, saved};
-use rotorlead::capture::{LossReason, Reading, Signal};
+use rotorlead::capture::{InputReading, LossReason, Signal};
 use rotorlead::controller::{BoardFacts, Plan, ResumeMemory, ResumeSource};
 use rotorlead::link::{
     ChannelState, ExciteRequest, Faults, Info, InjectRequest, LineSet, Message, PanicPlace, Request, ResetReason,
@@ -51,7 +51,7 @@ impl Flight {
             let readings = commands.map(|command| {
                 let signal =
                     if self.tick.is_multiple_of(FRAME_TICKS) { self.rig.pulse(command) } else { Signal::Unchanged };
-                Reading::from(signal)
+                InputReading::from(signal)
             });
             self.rig.hardware.board.control.run(readings, idle_ran);
         }
@@ -215,7 +215,7 @@ fn only_motors_that_a_flight_controller_turned_for_longer_than_a_hold_go_on() {
         for n in 0..ticks {
             let readings = commands.map(|command| match command {
                 None => Signal::Nothing.into(),
-                Some(command) if n % FRAME_TICKS == 0 => Reading::from(flight.rig.pulse(command)),
+                Some(command) if n % FRAME_TICKS == 0 => InputReading::from(flight.rig.pulse(command)),
                 Some(_) => Signal::Unchanged.into(),
             });
             flight.rig.hardware.board.control.run(readings, true);

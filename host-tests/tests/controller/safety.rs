@@ -4,7 +4,7 @@ use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, TestBoard, facts};
 use host_tests::flash::Flash;
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
-use rotorlead::capture::{Level, Reading, Signal};
+use rotorlead::capture::{InputReading, Level, Signal};
 use rotorlead::controller::hardware::Edge;
 use rotorlead::controller::{ClockReport, channel_settings};
 use rotorlead::link::{
@@ -376,7 +376,7 @@ fn settings_that_are_set_do_what_they_do_after_a_start_with_them() {
 }
 
 /// What the inputs' decoders make of a line at motor 0.
-fn readings(board: &mut TestBoard, line: &Line, end: u64) -> Vec<Reading> {
+fn readings(board: &mut TestBoard, line: &Line, end: u64) -> Vec<InputReading> {
     let mut edges = line.edges().iter().peekable();
     (1..=end / TICKS_PER_POLL)
         .map(|tick| {
@@ -421,10 +421,10 @@ fn the_watchdog_is_fed_for_20_s_without_the_lowest_priority() {
         let set = Request::SetSettings(Settings { loop_rate_hz, ..Settings::default() });
         assert!(matches!(rig.ask(&set), Message::SettingsTaken(_)));
         let control = &mut rig.hardware.board.control;
-        control.run([Reading::NOTHING; MOTORS], true);
+        control.run([InputReading::NOTHING; MOTORS], true);
         let (mut feeds, mut last_feed) = (control.parts_mut().watchdog.feeds, 0);
         for n in 1..=25 * loop_rate_hz {
-            control.run([Reading::NOTHING; MOTORS], false);
+            control.run([InputReading::NOTHING; MOTORS], false);
             if std::mem::replace(&mut feeds, control.parts_mut().watchdog.feeds) != feeds {
                 // Not in every tick, and long before the watchdog bites.
                 assert!(n - last_feed <= REVIEW_TICKS, "none from {last_feed} to {n} at {loop_rate_hz} Hz");
@@ -433,7 +433,7 @@ fn the_watchdog_is_fed_for_20_s_without_the_lowest_priority() {
         }
         assert!(last_feed.abs_diff(20 * loop_rate_hz) <= REVIEW_TICKS, "the last at {last_feed} at {loop_rate_hz} Hz");
         for _ in 0..REVIEW_TICKS {
-            control.run([Reading::NOTHING; MOTORS], true);
+            control.run([InputReading::NOTHING; MOTORS], true);
         }
         assert!(control.parts_mut().watchdog.feeds > feeds);
     }
@@ -450,6 +450,6 @@ fn the_watchdog_is_patient_only_while_the_flash_stalls() {
     assert!(!patient(&mut rig));
     widths(&mut rig, Signal::Nothing);
     assert_eq!(rig.hardware.board.control.parts_mut().watchdog.feeds, 1);
-    rig.hardware.board.control.run([Reading::NOTHING; MOTORS], false);
+    rig.hardware.board.control.run([InputReading::NOTHING; MOTORS], false);
     assert_eq!(rig.hardware.board.control.parts_mut().watchdog.feeds, 2, "the lowest priority may be away for a while");
 }

@@ -11,7 +11,7 @@ use rotorlead::dshot::Value;
 use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
     CompensatorKind, ExcitationLimits, HIGHEST_IDLE, Inverse, Key, Lead, Levels, MOTORS, MotorSettings, NoSignal,
-    Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
+    Origin, Problem, Pulse, PulseProtocol, SaveError, SettingId, Settings, SettingsError, Store, Validated, Warning,
 };
 use rotorlead::throttle::Command;
 
@@ -201,7 +201,7 @@ fn an_inverse_takes_the_curve_of_every_motor() {
     for missing in 0..MOTORS {
         let mut settings = Settings::clone(&numbered_with_curves(1));
         settings.motors[missing].curve = None;
-        let place = Place { key: Key::TimeConstantS, motor: Some(missing as u8) };
+        let place = SettingId { key: Key::TimeConstantS, motor: Some(missing as u8) };
         assert_eq!(settings.clone().validate(), Err(SettingsError { place, problem: Problem::NoCurve }));
         // A lead does not need it.
         settings.compensator = CompensatorKind::Lead;
@@ -317,7 +317,7 @@ fn a_pulse_that_leaves_no_gap_in_its_frame_is_refused() {
         (PulseProtocol::OneShot125, 4000, 250, 3703),
         (PulseProtocol::OneShot125, 3704, 250, 3703),
     ] {
-        let place = Place { key: Key::OutputFrameHz, motor: None };
+        let place = SettingId { key: Key::OutputFrameHz, motor: None };
         let problem = Problem::PulseTooLong { longest_us, max_frame_hz };
         assert_eq!(with(protocol, frame_hz), Err(SettingsError { place, problem }));
         assert_eq!(with(protocol, max_frame_hz), Ok(()));
@@ -471,7 +471,7 @@ fn more_frames_or_pulses_than_ticks_are_refused_or_warned_of() {
     };
     assert!(dshot(4000, 8000).is_ok());
     let error = dshot(1000, 8000).unwrap_err();
-    assert_eq!(error.place, Place { key: Key::InputFrameHz, motor: None });
+    assert_eq!(error.place, SettingId { key: Key::InputFrameHz, motor: None });
     assert_eq!(error.problem, Problem::FramesOutrunTicks { min_loop_rate_hz: 4000 });
     assert!(error.to_string().contains("loop_rate_hz to 4000 or more"), "{error}");
     assert!(dshot(3999, 8000).is_err());

@@ -3,7 +3,7 @@
 use host_tests::board::TestCapture;
 use host_tests::line::{LOOP_HZ, TICKS_PER_POLL, TIMER_HZ, us};
 use host_tests::spikes::{RATES_KHZ, WIDTHS_US, on_line, toggles};
-use rotorlead::capture::{Listening, Reading, Timing};
+use rotorlead::capture::{InputReading, Listening, Timing};
 use rotorlead::controller::Inputs;
 use rotorlead::controller::hardware::Edge;
 use rotorlead::protocol::{Pulse, PulseProtocol};
@@ -86,7 +86,7 @@ impl<'a> Input<'a> {
     }
 
     /// One control tick up to `now`: its interrupts, and what it reads.
-    fn tick(&mut self, now: u64) -> (u32, Reading) {
+    fn tick(&mut self, now: u64) -> (u32, InputReading) {
         let mut interrupts = 0;
         while let Some(edge) = self.next(self.seen) {
             let served = edge + self.latency();

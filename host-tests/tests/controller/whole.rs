@@ -18,8 +18,8 @@ use rotorlead::link::{
     Source, VERSION, encode_notice,
 };
 use rotorlead::settings::{
-    DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store,
-    Validated,
+    DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Problem, PulseProtocol, SettingId, Settings, SettingsError,
+    Store, Validated,
 };
 use rotorlead::throttle::{Command, EscCommand};
 
@@ -219,7 +219,7 @@ fn settings_out_of_range_are_refused_by_name_and_change_nothing() {
     else {
         panic!("not refused");
     };
-    assert_eq!(place, Place { key: Key::Max, motor: Some(2) });
+    assert_eq!(place, SettingId { key: Key::Max, motor: Some(2) });
     assert!(matches!(problem, Problem::OutOfRange { .. }));
     assert_eq!(rig.ask(&Request::GetSettings), before);
 

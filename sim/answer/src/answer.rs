@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use crate::figure::Figure;
 use crate::report::{Section, Verdict};
-use crate::table::{Table, Weight};
+use crate::table::{Audience, Table};
 use crate::words::{paragraph, remark};
 
 /// Findings that a terminal shows beside tables; what further ones say changes the answer less.
@@ -49,7 +49,7 @@ impl Answer {
     /// For a terminal.
     #[must_use]
     pub fn text(&self) -> Text {
-        let tables = |weights: &[Weight]| -> Vec<String> {
+        let tables = |weights: &[Audience]| -> Vec<String> {
             self.tables.iter().filter(|table| weights.contains(&table.weight)).map(Table::text).collect()
         };
         let findings = |findings: &[Finding]| -> String { findings.iter().map(remark).collect() };
@@ -57,7 +57,7 @@ impl Answer {
         let most = if self.tables.is_empty() { usize::MAX } else { MOST_FINDINGS };
         let (first, folded) = self.findings.split_at(self.findings.len().min(most));
         let said = || self.text.iter().map(|sentence| paragraph(sentence, "  ")).collect();
-        let shown = tables(&[Weight::Shown])
+        let shown = tables(&[Audience::Shown])
             .into_iter()
             .chain((!self.text.is_empty()).then(said))
             .chain((!first.is_empty()).then(|| findings(first)));
@@ -66,7 +66,7 @@ impl Answer {
             let warnings = if folded.len() == 1 { "warning" } else { "warnings" };
             shown += &format!("{} further {warnings} of less weight: --verbose prints what they say\n", folded.len());
         }
-        let detail = tables(&[Weight::Detail, Weight::Terminal])
+        let detail = tables(&[Audience::Detail, Audience::Terminal])
             .into_iter()
             .chain((!folded.is_empty()).then(|| findings(folded)));
         let mut detail = detail.collect::<Vec<_>>().join("\n");
@@ -102,7 +102,8 @@ impl Answer {
     /// For a report.
     #[must_use]
     pub fn section(&self) -> Section {
-        let tables = self.tables.iter().filter(|table| !matches!(table.weight, Weight::Programs | Weight::Terminal));
+        let tables =
+            self.tables.iter().filter(|table| !matches!(table.weight, Audience::Programs | Audience::Terminal));
         Section {
             text: self.text.clone(),
             tables: tables.cloned().collect(),

@@ -9,6 +9,6 @@ mod table;
 pub mod words;
 
 pub use answer::{Answer, Text};
-pub use figure::{Axis, Beside, Color, Figure, FigureKind, HeatCell, HeatMap, Mark, Panel, Scale, Series};
+pub use figure::{Axis, Color, Figure, FigureKind, HeatCell, HeatMap, Mark, Panel, Scale, SecondaryAxis, Series};
 pub use report::{Fact, Report, Section, Tone, Verdict};
-pub use table::{Cell, Column, Datum, Table, Typed, Unit, Weight, build_table, with_std};
+pub use table::{Audience, Cell, CellValue, Column, ColumnSpec, Table, Unit, build_table, with_std};

@@ -13,7 +13,7 @@ const PROBABILITY: f64 = 0.95;
 /// A number of a lag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Quantity {
+pub enum LagParameter {
     /// The time constant, seconds.
     TimeConstant,
     /// The gain, response units per unit of command.
@@ -26,7 +26,7 @@ pub enum Quantity {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
     /// Which.
-    pub quantity: Quantity,
+    pub quantity: LagParameter,
     /// By increasing command; at least one.
     pub points: Vec<Difference>,
 }
@@ -101,7 +101,7 @@ impl Difference {
     }
 }
 
-impl Quantity {
+impl LagParameter {
     fn read(self, point: &Point) -> (f64, Option<f64>) {
         match self {
             Self::TimeConstant => (point.time_constant_s, point.time_constant_s_std),
@@ -184,8 +184,9 @@ pub fn compare(a: &Model, b: &Model) -> Result<Vec<Compared>, ComparisonError> {
         return Err(ComparisonError::NothingShared { a: of_a, b: of_b });
     }
     let has_dead_time = [a, b].iter().any(|model| model.points.iter().any(|point| point.delay_s != 0.0));
-    let quantities =
-        [Quantity::TimeConstant, Quantity::Gain].into_iter().chain(has_dead_time.then_some(Quantity::DeadTime));
+    let quantities = [LagParameter::TimeConstant, LagParameter::Gain]
+        .into_iter()
+        .chain(has_dead_time.then_some(LagParameter::DeadTime));
     Ok(quantities.map(|quantity| quantity.compare(&a.points, &b.points, &nominals)).collect())
 }
 
@@ -233,12 +234,12 @@ mod tests {
     #[test]
     fn between_two_points_a_model_is_interpolated_with_its_error() {
         let a = model(&[(0.1, Some(0.01)), (0.08, Some(0.01)), (0.06, None)]);
-        assert_eq!(Quantity::TimeConstant.at(&a.points, 0.4), (0.08, Some(0.01)));
-        let (tau, std) = Quantity::TimeConstant.at(&a.points, 0.35);
+        assert_eq!(LagParameter::TimeConstant.at(&a.points, 0.4), (0.08, Some(0.01)));
+        let (tau, std) = LagParameter::TimeConstant.at(&a.points, 0.35);
         assert!((tau - 0.09).abs() < 1e-12 && (std.unwrap() - 0.01 * 0.5_f64.sqrt()).abs() < 1e-12, "{tau} {std:?}");
-        assert_eq!(Quantity::TimeConstant.at(&a.points, 0.45).1, None);
+        assert_eq!(LagParameter::TimeConstant.at(&a.points, 0.45).1, None);
         let one = model(&[(0.1, Some(0.01))]);
-        assert_eq!(Quantity::TimeConstant.at(&one.points, 0.3), (0.1, Some(0.01)));
+        assert_eq!(LagParameter::TimeConstant.at(&one.points, 0.3), (0.1, Some(0.01)));
         // The one command of the second lies between those of the first.
         let mut between = one;
         between.points[0].nominal = 0.35;

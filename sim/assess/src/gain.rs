@@ -13,8 +13,12 @@ pub fn lost(model: &Model) -> Option<String> {
     let chain = Chain::Designed(lead);
     let points = bandwidths_with(model, &effects, chain);
     let phases = chain_phases(model, &effects, chain, &Latency::standard(lead.loop_rate_hz()), &points);
-    let lost: Vec<&ChainPhase> =
-        points.iter().zip(&phases).filter(|(point, phase)| phase.is_gain_lost(point)).map(|(_, phase)| phase).collect();
+    let lost: Vec<&ChainPhase> = points
+        .iter()
+        .zip(&phases)
+        .filter(|(point, phase)| phase.is_dead_time_limited(point))
+        .map(|(_, phase)| phase)
+        .collect();
     let longest = lost.iter().max_by(|a, b| a.dead_time_s().total_cmp(&b.dead_time_s()))?;
     Some(format!(
         "a dead time of {:.1} ms takes what a lead gains at {} of {} points from any loop around it: {}",

@@ -11,10 +11,10 @@ mod other_output;
 mod ramp;
 mod residual;
 
-pub use comparison::{Compared, ComparisonError, Difference, Quantity, compare};
+pub use comparison::{Compared, ComparisonError, Difference, LagParameter, compare};
 pub use gain::dead_time_remedy;
 pub use other_output::OtherOutput;
-pub use residual::{LEVEL, SMALLEST_ERROR_PERCENT, error_percent, wrong};
+pub use residual::{SIGNIFICANCE, SMALLEST_ERROR_PERCENT, error_percent, records_with_model_error};
 
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::check::{Findings, check_rate, check_record};
@@ -126,7 +126,7 @@ impl Objections {
         records: &[RecordValidation],
         diagnosis: Option<(&Diagnosis, &str)>,
     ) {
-        match wrong(records) {
+        match records_with_model_error(records) {
             None => self.add(
                 Readiness::MeasureAgain,
                 "no record shows its noise, so that nothing is known of what the lag leaves: hold levels for a second, or record \

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// Of the response's dead time and time constant together, the part from which on what thrust lags behind its speed is worth a word.
 /// Chosen: a propeller's thrust follows its speed within milliseconds, less than this of most lags.
-const WORTH_A_WORD: f64 = 0.1;
+const MIN_LAG_FRACTION: f64 = 0.1;
 
 /// The steps of a record as its other column shows them, beside the model of its response.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ impl OtherOutput {
     pub(crate) fn limit(&self) -> Option<String> {
         let late_s = -self.behind_s;
         let whole_s = self.time_constant_s + self.delay_s + late_s;
-        (self.output == Output::Rpm && late_s > WORTH_A_WORD * whole_s).then(|| {
+        (self.output == Output::Rpm && late_s > MIN_LAG_FRACTION * whole_s).then(|| {
             format!(
                 "thrust comes {:.0} ms behind its speed, which is {:.0} % of its lag: the load cell, its filter or the stand makes that, and \
                  a compensator would be built for them too. Record thrust unfiltered, or identify the speed with --response rpm",

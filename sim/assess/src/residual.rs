@@ -4,7 +4,7 @@ use rotorlead_identify::validate::RecordValidation;
 
 /// Probability that a true model is called wrong on any of the records. Chosen: one true model of 100 is refused; a smaller level
 /// misses errors in short records, and long ones show any error at any level.
-pub const LEVEL: f64 = 0.01;
+pub const SIGNIFICANCE: f64 = 0.01;
 /// An error of the model below this, percent of the response, is not worth a word however sure it is. Chosen: the standard errors of a good
 /// fit make errors of this order, and long records show smaller ones of any model.
 pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
@@ -15,11 +15,11 @@ pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 /// A record shows it where the power that the model leaves over that of the noise has a tail probability below the level over
 /// the number of records (Bonferroni), by [`ResidualPower`](rotorlead_identify::validate::ResidualPower).
 #[must_use]
-pub fn wrong(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
+pub fn records_with_model_error(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
     let tested = judged.len() as f64;
     let shows_error = |record: &&RecordValidation| {
-        record.residual_power.is_some_and(|left| left.p_value * tested < LEVEL)
+        record.residual_power.is_some_and(|power| power.p_value * tested < SIGNIFICANCE)
             && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
     };
     (!judged.is_empty()).then(|| judged.into_iter().filter(shows_error).collect())

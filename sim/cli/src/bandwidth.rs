@@ -10,7 +10,7 @@ use rotorlead_design::{Chain, steps};
 use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_results::{BandwidthResult, Chosen, Designed, MeasuredRecords, in_short};
 
 use super::deviations::deviations;
@@ -44,10 +44,10 @@ pub struct Bandwidth {
     sampled: bool,
     /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given. Frames
     /// that follow the input's pulses come at --input-frame
-    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = number(Quantity::ESC_FRAME_HZ), allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = number(AcceptedRange::ESC_FRAME_HZ), allow_negative_numbers = true)]
     esc_frame: Option<f64>,
     /// Also simulate steps of these sizes, up and down, through the controller's own filter with its limits and the ESC's frames
-    #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
+    #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = number(AcceptedRange::AMPLITUDE), allow_negative_numbers = true)]
     steps: Vec<f64>,
     /// Also simulate actuators that differ from the model (time constants, sag, delays, a second lag), beside the paper's lead
     #[arg(long, conflicts_with = "lead")]
@@ -148,11 +148,11 @@ fn lead(text: &str) -> Result<LeadParameters, String> {
     let [zero, poles, damping] = text.split(',').map(str::trim).collect::<Vec<_>>()[..] else {
         return Err(remedy.to_owned());
     };
-    let rad_s = number(Quantity::FREQUENCY_RAD_S);
+    let rad_s = number(AcceptedRange::FREQUENCY_RAD_S);
     let lead = LeadParameters {
         omega_z_rad_s: rad_s(zero)?,
         omega_f_rad_s: rad_s(poles)?,
-        damping: number(Quantity::DAMPING)(damping)?,
+        damping: number(AcceptedRange::DAMPING)(damping)?,
     };
     lead.checked().map_err(|error| error.to_string())
 }

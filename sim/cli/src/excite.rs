@@ -9,11 +9,11 @@ use rotorlead_answer::{Fact, Report, Section, Tone, Verdict};
 use rotorlead_plant::bench::multisine::{
     DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize,
 };
-use rotorlead_records::files::{Quantity, check_writable, write_file};
+use rotorlead_records::files::{AcceptedRange, check_writable, write_file};
 use rotorlead_results::excitation;
 use serde_json::json;
 
-use super::WrongUse;
+use super::UsageError;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{number, range};
 use super::report_option::ReportOption;
@@ -34,19 +34,19 @@ const MOST_SAMPLES: f64 = 2e7;
 #[derive(Args, Debug)]
 pub struct Excite {
     /// Band in hertz
-    #[arg(long, value_name = "LOW..HIGH", default_value = "0.1..30", value_parser = range(Quantity::BAND_HZ), allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW..HIGH", default_value = "0.1..30", value_parser = range(AcceptedRange::BAND_HZ), allow_hyphen_values = true)]
     band: (f64, f64),
     /// Period in seconds; the lines are 2/period apart
-    #[arg(long, value_name = "S", default_value = "10", value_parser = number(Quantity::DURATION_S), allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value = "10", value_parser = number(AcceptedRange::DURATION_S), allow_hyphen_values = true)]
     period: f64,
     /// Rate of the samples in hertz
-    #[arg(long, value_name = "HZ", default_value = "5000", value_parser = number(Quantity::SAMPLE_RATE_HZ), allow_hyphen_values = true)]
+    #[arg(long, value_name = "HZ", default_value = "5000", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_hyphen_values = true)]
     rate: f64,
     /// Command around which it runs, 0..1
-    #[arg(long, value_name = "U", default_value = "0.5", value_parser = number(Quantity::DUTY), allow_hyphen_values = true)]
+    #[arg(long, value_name = "U", default_value = "0.5", value_parser = number(AcceptedRange::DUTY), allow_hyphen_values = true)]
     nominal: f64,
     /// Peak deviation of the command
-    #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(Quantity::AMPLITUDE), allow_hyphen_values = true)]
+    #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(AcceptedRange::AMPLITUDE), allow_hyphen_values = true)]
     amplitude: f64,
     /// Skip odd lines and draw the phases, to detect nonlinear distortion
     #[arg(long)]
@@ -76,7 +76,7 @@ impl Excite {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         if self.nominal - self.amplitude < 0.0 || self.nominal + self.amplitude > 1.0 {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!(
                     "--nominal {} with --amplitude {} leaves the command's range 0..1",
                     self.nominal, self.amplitude
@@ -92,7 +92,7 @@ impl Excite {
         let others = [self.json.file(), self.report.file()];
         if let Some(both) = files.iter().find(|file| others.contains(&Some(file))) {
             let message = format!("--out and --json or --report are both `{}`", both.display());
-            return Err(WrongUse::new(message, "give them different files: one would overwrite the other").into());
+            return Err(UsageError::new(message, "give them different files: one would overwrite the other").into());
         }
         for file in &files {
             check_writable(file)?;
@@ -208,10 +208,10 @@ impl Excite {
         Ok((set.realizations, set.peak, set.skipped))
     }
 
-    fn wrong_band(&self, error: &MultisineError) -> WrongUse {
+    fn wrong_band(&self, error: &MultisineError) -> UsageError {
         let help = error.help().map(|help| help.to_string()).unwrap_or_default();
         let (low_hz, high_hz) = self.band;
-        WrongUse::new(format!("--band {low_hz}..{high_hz} with --period {}: {error}", self.period), help)
+        UsageError::new(format!("--band {low_hz}..{high_hz} with --period {}: {error}", self.period), help)
     }
 
     /// Where the signals go: `--out`, numbered when there are several.
@@ -233,23 +233,23 @@ impl Excite {
     }
 
     /// Samples in one period: a whole number, and enough for the highest line.
-    fn samples(&self, high_hz: f64) -> Result<usize, WrongUse> {
+    fn samples(&self, high_hz: f64) -> Result<usize, UsageError> {
         let samples = self.period * self.rate;
         if samples > MOST_SAMPLES {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!("--period {:?} at --rate {:?} is {samples:?} samples", self.period, self.rate),
                 format!("shorten --period or lower --rate: {MOST_SAMPLES} samples are the most"),
             ));
         }
         let whole = samples.round();
         if (samples - whole).abs() > 1e-6 * whole.max(1.0) {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!("--period {} at --rate {} is {samples} samples, not a whole number", self.period, self.rate),
                 "choose --period and --rate so that their product is whole",
             ));
         }
         if high_hz >= self.rate / 2.0 {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!("--band ends at {high_hz} Hz, not below half of --rate {}", self.rate),
                 "lower the upper end of --band, or raise --rate",
             ));

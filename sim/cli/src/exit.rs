@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use super::WrongUse;
+use super::UsageError;
 
 /// The exit status, for scripts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub enum Exit {
     /// Data, a file or the controller stood in the way; the report on standard error says what to do.
     Failed = 1,
     /// The command line was wrong. This is what `clap` uses too.
-    WrongUse = 2,
+    UsageError = 2,
     /// The terminal or the connection was closed (SIGHUP): 128 and the number of the signal, as shells have it.
     HungUp = 129,
     /// Ctrl-C (SIGINT): 128 and the number of the signal, as shells have it.
@@ -41,7 +41,7 @@ impl Exit {
     pub fn from_result(result: &miette::Result<()>) -> Self {
         match result {
             Ok(()) => Self::Done,
-            Err(report) if report.is::<WrongUse>() => Self::WrongUse,
+            Err(report) if report.is::<UsageError>() => Self::UsageError,
             Err(_) => Self::Failed,
         }
     }

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use rotorlead_export::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
 use rotorlead_plant::Model;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::judged;
 use serde_json::json;
 
-use super::WrongUse;
+use super::UsageError;
 use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{number, range};
@@ -32,11 +32,11 @@ pub struct Export {
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
     /// Command at which a time constant is taken, such as that of hover; the middle of those measured unless given
-    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(AcceptedRange::DUTY), allow_negative_numbers = true)]
     at: Option<f64>,
     /// Commands that are the stack's lowest and highest motor output: 0.15..0.95 for ardupilot (MOT_SPIN_MIN, MOT_SPIN_MAX),
     /// 0.055..1 for betaflight (its idle and motor_output_limit), and 0..1 unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::DUTY), allow_negative_numbers = true)]
     output_range: Option<(f64, f64)>,
     /// Motors, for stacks that take a value for each; 4 unless given
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(1..=32), allow_negative_numbers = true)]
@@ -100,11 +100,11 @@ impl Export {
     }
 
     /// Refuses options that none of the stack's parameters depends on.
-    fn check_use(&self, stack: Stack) -> Result<(), WrongUse> {
+    fn check_use(&self, stack: Stack) -> Result<(), UsageError> {
         let name = self.stack.to_possible_value().expect("none is skipped");
         let name = name.get_name();
         let refuse = |option: &str, of: &str| {
-            Err(WrongUse::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
+            Err(UsageError::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
         };
         if self.at.is_some() && !stack.has_time_constant() {
             return refuse("--at", "the command of a time constant");

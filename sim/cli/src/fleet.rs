@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rotorlead_answer::Report;
-use rotorlead_assess::fleet::{FleetMember, LogFilePoint, Quantity, compare};
+use rotorlead_assess::fleet::{FleetMember, FleetParameter, LogFilePoint, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FleetList, FleetLog, Output};
@@ -60,7 +60,8 @@ impl Fleet {
         let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect();
         let output = common_output(&read)?;
         let (rows, logs): (Vec<FleetRow>, Vec<FleetMember>) = read.into_iter().map(|read| (read.row, read.log)).unzip();
-        let [time_constants, gains] = [Quantity::TimeConstant, Quantity::Gain].map(|quantity| compare(&logs, quantity));
+        let [time_constants, gains] =
+            [FleetParameter::TimeConstant, FleetParameter::Gain].map(|quantity| compare(&logs, quantity));
         let (time_constants, gains) = (time_constants.map_err(self.few(&logs))?, gains.map_err(self.few(&logs))?);
 
         let answer = fleet_answer(&rows, &time_constants, &gains, output);

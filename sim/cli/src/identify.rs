@@ -22,7 +22,7 @@ use super::measured::Measured;
 use super::out_option::model_written;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
-use super::{WrongUse, progress, report_pages};
+use super::{UsageError, progress, report_pages};
 
 /// Finds the lag at each level from the records of an experiment, or from a log
 ///
@@ -137,7 +137,7 @@ pub(super) fn not_identified(error: IdentifyError, is_of_log: bool) -> miette::R
         {
             with_other_excitation(error)
         }
-        IdentifyError::StandOfSteps => WrongUse::new(
+        IdentifyError::StandOfSteps => UsageError::new(
             "--stand-model is for multisine records, and this experiment has none",
             "leave --stand-model out: steps are fitted in time, through the stand as it is",
         )

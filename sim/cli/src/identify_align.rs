@@ -9,12 +9,12 @@ use rotorlead_identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::ImportSummary;
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
 use serde::Serialize;
 
-use super::WrongUse;
+use super::UsageError;
 use super::measured::{Measured, Reading};
 use super::parameters::number;
 
@@ -31,10 +31,10 @@ pub struct AlignOptions {
     #[arg(long, value_name = "SECONDS|start", requires = "align_within", value_parser = near, allow_hyphen_values = true)]
     align_near: Option<Near>,
     /// Greatest distance of the delay from --align-near that is searched, seconds either way; without it, any
-    #[arg(long, value_name = "SECONDS", requires = "align", value_parser = number(Quantity::DURATION_S))]
+    #[arg(long, value_name = "SECONDS", requires = "align", value_parser = number(AcceptedRange::DURATION_S))]
     align_within: Option<f64>,
     /// The actuator's own dead time in seconds, where it is known from elsewhere: so much of the delay stays
-    #[arg(long, value_name = "SECONDS", requires = "align", default_value_t = 0.0, value_parser = number(Quantity::DELAY_S))]
+    #[arg(long, value_name = "SECONDS", requires = "align", default_value_t = 0.0, value_parser = number(AcceptedRange::DELAY_S))]
     dead_time: f64,
     /// Where to write the merged experiment, which is made
     #[arg(long, value_name = "DIR", requires = "align")]
@@ -89,7 +89,7 @@ impl AlignOptions {
             let message =
                 format!("--align is given {given} times, and `{}` has {records} records", measured.path().display());
             return Err(
-                WrongUse::new(message, "give one command log per record, in the order of experiment.toml").into()
+                UsageError::new(message, "give one command log per record, in the order of experiment.toml").into()
             );
         }
         if !text.is_empty() {
@@ -100,7 +100,7 @@ impl AlignOptions {
         for (record, path) in experiment.records.iter_mut().zip(&self.align) {
             if record.compensated {
                 let message = format!("`{}` is compensated: what the ESC got is not in a command log", record.file);
-                return Err(WrongUse::new(message, "log both commands with the response").into());
+                return Err(UsageError::new(message, "log both commands with the response").into());
             }
             let (alignment, merged) = self.merge(record, path, output)?;
             describe(&mut text, (record, output), path, &alignment, &merged, self.dead_time);
@@ -158,7 +158,7 @@ fn beside(record: &Record, output: Output) -> Vec<&[f64]> {
 
 /// Puts the merged columns in the record's place, and what their command says of a record that was without.
 fn take(record: &mut Record, merged: Merged, output: Output) {
-    let mut beside = merged.beside.into_iter();
+    let mut beside = merged.other_columns.into_iter();
     let (response, other) = match output {
         Output::ThrustN => (&mut record.thrust_n, &mut record.rpm),
         Output::Rpm => (&mut record.rpm, &mut record.thrust_n),
@@ -226,5 +226,5 @@ fn near(text: &str) -> Result<Near, String> {
     if text == "start" {
         return Ok(Near::Start);
     }
-    number(Quantity::TIME_S)(text).map(Near::Delay).map_err(|error| format!("{error}; give seconds, or `start`"))
+    number(AcceptedRange::TIME_S)(text).map(Near::Delay).map_err(|error| format!("{error}; give seconds, or `start`"))
 }

@@ -7,7 +7,7 @@ use miette::WrapErr as _;
 use rotorlead_answer::Report;
 use rotorlead_identify::stand::{StandOptions, identify_stand};
 use rotorlead_records::Experiment;
-use rotorlead_records::files::{Quantity, check_writable};
+use rotorlead_records::files::{AcceptedRange, check_writable};
 use rotorlead_results::stand_answer;
 
 use super::out_option::model_written;
@@ -23,7 +23,7 @@ pub struct StandArguments {
     #[arg(long, value_name = "POLES", requires = "stand", value_parser = clap::value_parser!(u8).range(1..=16))]
     order: Option<u8>,
     /// With --stand: the highest frequency of the fit, hertz
-    #[arg(long, value_name = "HZ", requires = "stand", value_parser = number(Quantity::FREQUENCY_HZ))]
+    #[arg(long, value_name = "HZ", requires = "stand", value_parser = number(AcceptedRange::FREQUENCY_HZ))]
     top: Option<f64>,
 }
 

@@ -5,7 +5,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rotorlead::protocol::{PulseProtocol, UsualFrames};
 use rotorlead_design::Latency;
 
-use super::WrongUse;
+use super::UsageError;
 
 /// The pulses between which the controller sits.
 #[derive(Args, Clone, Copy, Debug)]
@@ -52,14 +52,14 @@ fn usual_rates(rate_hz: fn(UsualFrames) -> u16) -> String {
 
 impl LatencyArguments {
     /// The latency of a controller with a loop at `loop_rate_hz`.
-    pub fn latency(&self, loop_rate_hz: f64) -> Result<Latency, WrongUse> {
+    pub fn latency(&self, loop_rate_hz: f64) -> Result<Latency, UsageError> {
         let usual = |protocol: PulseProtocol| protocol.specification().usual_frames;
         let protocol = self.input_protocol;
         let input = protocol.at(self.input_frame.unwrap_or(usual(protocol).input_hz));
         let protocol = self.output_protocol.unwrap_or(protocol);
         let output = protocol.at(self.output_frame.unwrap_or(usual(protocol).output_hz));
         Latency::new(input, output, loop_rate_hz).map_err(|error| {
-            WrongUse::new(
+            UsageError::new(
                 format!("a controller refuses these pulses: {error}"),
                 "give --input-frame, --output-frame and the protocols as the controller's settings have them",
             )

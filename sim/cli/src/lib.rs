@@ -37,9 +37,9 @@ mod report;
 mod report_option;
 mod report_pages;
 mod simulate;
+mod usage_error;
 mod validate;
 mod vehicle;
-mod wrong_use;
 
 use std::borrow::Cow;
 use std::io::{Write as _, stdout};
@@ -55,7 +55,7 @@ use terminal_size::{Width, terminal_size_of};
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
 use self::outcome::Verbosity;
-pub use self::wrong_use::WrongUse;
+pub use self::usage_error::UsageError;
 
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the compensator that
 /// speeds it up, and tests the very filter that flies on simulated actuators.
@@ -147,7 +147,7 @@ impl Arguments {
     /// What the command line says. Wrong use, `--help` and `--version` end the program here.
     ///
     /// # Errors
-    /// When help or version were asked for and cannot be printed; a [`WrongUse`] where outputs are in each other's place, or
+    /// When help or version were asked for and cannot be printed; a [`UsageError`] where outputs are in each other's place, or
     /// in that of what is read; when an output would replace a file of another kind, and that is not forced.
     pub fn from_command_line() -> miette::Result<Self> {
         let matches = match command_line().try_get_matches() {
@@ -169,7 +169,7 @@ impl Arguments {
     /// Runs the command that was asked for and prints what it says.
     ///
     /// # Errors
-    /// A report for a person: what is wrong, where, and what to do. A [`WrongUse`] where options do not go together.
+    /// A report for a person: what is wrong, where, and what to do. A [`UsageError`] where options do not go together.
     pub fn run(self) -> miette::Result<()> {
         let verbosity = match (self.quiet, self.verbose) {
             (true, _) => Verbosity::Quiet,

@@ -9,13 +9,13 @@ use miette::{Diagnostic as _, miette};
 use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_identify::check::check_record;
 use rotorlead_records::Finding;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, import,
 };
 use rotorlead_records::{Excitation, Experiment, Output};
 
-use super::WrongUse;
+use super::UsageError;
 use super::parameters::{number, range};
 use super::report_option::this_command_with;
 use rotorlead_answer::words::{remark, width, wrapped};
@@ -40,20 +40,20 @@ pub struct LogArguments {
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
     /// Period of a multisine, square or triangle, in seconds
-    #[arg(long = "period", alias = "period-s", value_name = "SECONDS", value_parser = number(Quantity::DURATION_S), allow_negative_numbers = true)]
+    #[arg(long = "period", alias = "period-s", value_name = "SECONDS", value_parser = number(AcceptedRange::DURATION_S), allow_negative_numbers = true)]
     period_s: Option<f64>,
     /// Command around which it was run, 0..1; found from the command's column unless given
-    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::DUTY), allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(AcceptedRange::DUTY), allow_negative_numbers = true)]
     nominal: Option<f64>,
     /// How far the command goes to either side of it, 0..1; found from the command's column unless given
-    #[arg(long, value_name = "COMMAND", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
+    #[arg(long, value_name = "COMMAND", value_parser = number(AcceptedRange::AMPLITUDE), allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Which part of the log to take, in seconds from its first row; all of it unless given
     #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
     /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, or what
     /// the log's own parameters say
-    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::PULSE_US), allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
     /// Which motor to take of an autopilot's log, from 1; unless given the first, or the one of a chirp that says no motor
     #[arg(long, value_name = "N")]
@@ -104,7 +104,7 @@ impl LogArguments {
             summaries.push(log.summary);
             bar.inc(bytes(file));
         }
-        let experiment = whole.ok_or_else(|| WrongUse::new("no log is given", "give one or more"))?;
+        let experiment = whole.ok_or_else(|| UsageError::new("no log is given", "give one or more"))?;
         // What else may be wrong is for `rotorlead check`, which sees all records together.
         // Of a log without its command that is after it is merged.
         let records = experiment.records.iter().filter(|_| !options.without_command);
@@ -113,7 +113,7 @@ impl LogArguments {
     }
 
     /// Refuses options about a log where an experiment's folder is given.
-    pub fn refuse_with(&self, folder: &Path) -> Result<(), WrongUse> {
+    pub fn refuse_with(&self, folder: &Path) -> Result<(), UsageError> {
         let given = [
             (!self.column.is_empty(), "--column"),
             (self.tare, "--tare"),
@@ -131,32 +131,32 @@ impl LogArguments {
                 "{option} says what is in a log, and `{}` is taken as an experiment's folder",
                 folder.display()
             );
-            Err(WrongUse::new(message, format!("leave {option} out: experiment.toml says it; or give a log")))
+            Err(UsageError::new(message, format!("leave {option} out: experiment.toml says it; or give a log")))
         })
     }
 
     /// Refuses options that do not go together, whatever the logs are.
-    fn check(&self) -> Result<(), WrongUse> {
+    fn check(&self) -> Result<(), UsageError> {
         for (index, choice) in self.column.iter().enumerate() {
             for other in &self.column[..index] {
                 if choice.quantity == other.quantity {
                     let message = format!("--column says twice which column is the {}", choice.quantity.name());
-                    return Err(WrongUse::new(message, "leave one of the two out"));
+                    return Err(UsageError::new(message, "leave one of the two out"));
                 }
                 if choice.header == other.header {
                     let (one, two) = (other.quantity.name(), choice.quantity.name());
                     let message = format!("--column says that `{}` is both the {one} and the {two}", choice.header);
-                    return Err(WrongUse::new(message, "leave one of the two out"));
+                    return Err(UsageError::new(message, "leave one of the two out"));
                 }
             }
         }
         let is_periodic = self.excitation.is_some_and(Excitation::is_periodic);
         match (self.excitation, self.period_s) {
-            (Some(excitation), None) if is_periodic => Err(WrongUse::new(
+            (Some(excitation), None) if is_periodic => Err(UsageError::new(
                 format!("--excitation {} needs --period", excitation.name()),
                 next_command("say after how many seconds the command repeats", &[MissingOption::period()]),
             )),
-            (_, Some(_)) if !is_periodic => Err(WrongUse::new(
+            (_, Some(_)) if !is_periodic => Err(UsageError::new(
                 "--period goes with --excitation multisine, square or triangle alone",
                 "leave --period out, or say which of them the command is",
             )),
@@ -165,11 +165,11 @@ impl LogArguments {
     }
 
     /// Refuses options that the log has no use for.
-    fn check_options(&self, file: &Path, log: &ImportSummary) -> Result<(), WrongUse> {
+    fn check_options(&self, file: &Path, log: &ImportSummary) -> Result<(), UsageError> {
         let format = log.format;
         let refuse = |option: &str, reason: &str| {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());
-            Err(WrongUse::new(message, format!("leave {option} out")))
+            Err(UsageError::new(message, format!("leave {option} out")))
         };
         if self.motor.is_some() && !format.has_motors {
             return refuse("--motor", "it is no autopilot's log");
@@ -223,7 +223,7 @@ fn with_next_command(error: ImportError) -> miette::Report {
     let help = next_command(&error.help().map(|help| help.to_string()).unwrap_or_default(), &missing);
     match error {
         ImportError::UnclearColumns { .. } => miette!(help = help, "{error}"),
-        error => WrongUse::new(error.to_string(), help).into(),
+        error => UsageError::new(error.to_string(), help).into(),
     }
 }
 
@@ -321,7 +321,7 @@ fn describe(summary: &ImportSummary) -> String {
 
 /// [`range`] of seconds after a first row.
 fn seconds(text: &str) -> Result<(f64, f64), String> {
-    match range(Quantity::TIME_S)(text)? {
+    match range(AcceptedRange::TIME_S)(text)? {
         (from, _) if from < 0.0 => Err(String::from("nothing is before the first row, which is at 0 seconds")),
         range => Ok(range),
     }

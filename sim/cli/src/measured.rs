@@ -9,7 +9,7 @@ use rotorlead_records::files::TomlFile;
 use rotorlead_records::import::{ImportOptions, ImportSummary};
 use rotorlead_records::{Experiment, LongRecord, Output};
 
-use super::WrongUse;
+use super::UsageError;
 use super::log_arguments::{LogArguments, responses};
 use super::report_option::{arguments, typed};
 
@@ -56,7 +56,7 @@ impl Measured {
     }
 
     /// Where the experiment has to be in a folder, that.
-    pub fn folder(&self) -> Result<&Path, WrongUse> {
+    pub fn folder(&self) -> Result<&Path, UsageError> {
         self.reader.folder(&self.experiment)
     }
 
@@ -75,7 +75,7 @@ impl Measured {
     }
 
     /// Makes the response the one that is asked for. One that was not taken is refused.
-    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), WrongUse> {
+    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), UsageError> {
         self.reader.choose_output(experiment)
     }
 
@@ -110,7 +110,7 @@ impl Reader {
         words
     }
 
-    fn folder<'a>(&self, path: &'a Path) -> Result<&'a Path, WrongUse> {
+    fn folder<'a>(&self, path: &'a Path) -> Result<&'a Path, UsageError> {
         // Of what is not there, that is said.
         if path.exists() {
             self.log.refuse_with(path)?;
@@ -128,14 +128,14 @@ impl Reader {
     }
 
     /// Makes the response the one that is asked for. One that was not taken is refused.
-    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), WrongUse> {
+    pub fn choose_output(&self, experiment: &mut Experiment) -> Result<(), UsageError> {
         let Some(output) = self.response else { return Ok(()) };
         experiment.output = output;
         experiment.records.iter().find(|record| record.response(output).is_none()).map_or(Ok(()), |record| {
             let message = format!("--response asks for `{}`, and `{}` has no such column", output.column(), record.file);
             let remedy = "leave --response out, or take the other response of the log with `rotorlead import --response`: where it is \
                           slower than the one that was taken, rows without it are left out";
-            Err(WrongUse::new(message, remedy))
+            Err(UsageError::new(message, remedy))
         })
     }
 

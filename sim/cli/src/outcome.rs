@@ -9,7 +9,7 @@ use clap::Args;
 use miette::Diagnostic;
 use rotorlead_answer::{Answer, Text};
 use rotorlead_records::files::{
-    FileError, OutputFolder, Quantity, all_or_nothing, check_writable, is_order, printable, write_file,
+    AcceptedRange, FileError, OutputFolder, all_or_nothing, check_writable, is_order, printable, write_file,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -124,7 +124,7 @@ fn json_text(json: &Value) -> String {
 fn impossible(key: &str, value: &Value) -> Option<String> {
     match value {
         Value::Number(number) => {
-            let refused = Quantity::accept_result(key, number.as_f64()?).err();
+            let refused = AcceptedRange::accept_result(key, number.as_f64()?).err();
             refused.map(|message| format!("`{key}`, {message}"))
         }
         Value::Array(items) => items.iter().find_map(|item| impossible(key, item)),

@@ -7,7 +7,7 @@ use clap::{Arg, ArgMatches, Command};
 use rotorlead_records::FleetList;
 use rotorlead_records::files::TextFile;
 
-use super::WrongUse;
+use super::UsageError;
 use super::fleet::{DIAGNOSIS, LIST, MODEL};
 use super::replacement::{self, ReplacementRefused};
 
@@ -35,16 +35,16 @@ struct Named<'a> {
 
 /// Refuses a command line that asks for two outputs in one place, or for one in the place of what it reads; and a path with a line
 /// break, whose parts would stand in what is said like lines of the program.
-pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), WrongUse> {
+pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), UsageError> {
     let paths = paths(command, matches);
     if let Some(Named { option, path, .. }) = paths.iter().find(|named| named.path.to_string_lossy().contains('\n')) {
         let message = format!("`{}` of {option} has a line break in its name", path.display());
-        return Err(WrongUse::new(message, "rename it, or name another"));
+        return Err(UsageError::new(message, "rename it, or name another"));
     }
     let (outputs, inputs): (Vec<Named>, Vec<Named>) = paths.into_iter().partition(|named| WRITTEN.contains(&named.id));
     if let Some(Named { option, .. }) = outputs.iter().find(|output| output.path == Path::new("-")) {
         let message = format!("{option} is `-`, and only --json goes to standard output");
-        return Err(WrongUse::new(message, "name a file; of a file that is called so, ./-"));
+        return Err(UsageError::new(message, "name a file; of a file that is called so, ./-"));
     }
     for (index, output) in outputs.iter().enumerate() {
         inputs.iter().try_for_each(|input| check_input(input, output))?;
@@ -101,7 +101,7 @@ fn place(path: &Path) -> PathBuf {
 }
 
 /// Refuses an output in the place of what is read.
-fn check_input(input: &Named, output: &Named) -> Result<(), WrongUse> {
+fn check_input(input: &Named, output: &Named) -> Result<(), UsageError> {
     // What is not there is overwritten by nobody, and neither is a device.
     if !output.at.is_file() {
         return Ok(());
@@ -109,11 +109,11 @@ fn check_input(input: &Named, output: &Named) -> Result<(), WrongUse> {
     let (read, written) = (input.path.display(), output.path.display());
     if output.at == input.at {
         let message = format!("`{written}` of {} would be read and then written over", output.option);
-        return Err(WrongUse::new(message, "name another file"));
+        return Err(UsageError::new(message, "name another file"));
     }
     if files_read(input).iter().any(|file| place(file) == output.at) {
         let message = format!("`{written}` of {} belongs to `{read}` and would be written over", output.option);
-        return Err(WrongUse::new(message, "name another file"));
+        return Err(UsageError::new(message, "name another file"));
     }
     Ok(())
 }
@@ -160,11 +160,11 @@ fn named_in(file: &Path) -> Vec<PathBuf> {
 }
 
 /// Refuses two outputs in one place, and one among the files with which another fills its folder.
-fn check_apart(earlier: &Named, output: &Named) -> Result<(), WrongUse> {
+fn check_apart(earlier: &Named, output: &Named) -> Result<(), UsageError> {
     let is_file = !output.at.exists() || output.at.is_file() || output.at.is_dir();
     if output.at == earlier.at && is_file {
         let message = format!("{} and {} are both `{}`", output.option, earlier.option, output.path.display());
-        return Err(WrongUse::new(message, "give them different files: one would overwrite the other"));
+        return Err(UsageError::new(message, "give them different files: one would overwrite the other"));
     }
     for (folder, file) in [(earlier, output), (output, earlier)] {
         let ends = if folder.id == "figures" { &OF_FIGURES[..] } else { &OF_FOLDERS };
@@ -177,17 +177,17 @@ fn check_apart(earlier: &Named, output: &Named) -> Result<(), WrongUse> {
                 folder.path.display(),
                 folder.option
             );
-            return Err(WrongUse::new(message, "give it another folder: one would overwrite the other"));
+            return Err(UsageError::new(message, "give it another folder: one would overwrite the other"));
         }
     }
     Ok(())
 }
 
 /// Refuses to fill a folder of measurements with files that may be called as they are.
-fn check_folder(output: &Named) -> Result<(), WrongUse> {
+fn check_folder(output: &Named) -> Result<(), UsageError> {
     let fills = output.id == "figures" || ["demo", "man"].contains(&output.command) && output.id == "out";
     match [DESCRIPTION, LIST].into_iter().find(|name| output.at.join(name).is_file()) {
-        Some(name) if fills => Err(WrongUse::new(
+        Some(name) if fills => Err(UsageError::new(
             format!("{} is `{}`, in which `{name}` lies", output.option, output.path.display()),
             "name another folder: what is written might be called as a record that is there",
         )),

@@ -2,11 +2,11 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead_design::Setting;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
 
-use super::WrongUse;
+use super::UsageError;
 
 /// The parameters of a design.
 #[derive(Args, Clone, Debug)]
@@ -16,32 +16,32 @@ pub struct DesignArguments {
     #[arg(long, value_enum)]
     kind: Option<KindName>,
     /// Highest frequency that a lead is to amplify; 2 pi 100 rad/s, the paper's, unless given
-    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(AcceptedRange::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     omega_g: Option<f64>,
     /// Damping ratio of the poles; 1/sqrt(2) unless given
-    #[arg(long, value_name = "RATIO", value_parser = number(Quantity::DAMPING), allow_negative_numbers = true)]
+    #[arg(long, value_name = "RATIO", value_parser = number(AcceptedRange::DAMPING), allow_negative_numbers = true)]
     damping: Option<f64>,
     /// Rate at which the filter runs; 5000 Hz unless given
-    #[arg(long, value_name = "HZ", value_parser = number(Quantity::LOOP_RATE_HZ), allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::LOOP_RATE_HZ), allow_negative_numbers = true)]
     loop_rate: Option<f64>,
     /// Frequency at which the sampled lead is to match the continuous one exactly
-    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(AcceptedRange::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     prewarp: Option<f64>,
     /// Natural frequency of an inverse's reference model; 94.2 rad/s unless given, and 125 with --setting robust
-    #[arg(long, value_name = "RAD_S", value_parser = number(Quantity::FREQUENCY_RAD_S), allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", value_parser = number(AcceptedRange::FREQUENCY_RAD_S), allow_negative_numbers = true)]
     natural: Option<f64>,
     /// Table of an inverse: the time constants as they are, or nine tenths of them; exact where they are known well enough
     /// unless given
     #[arg(long, value_enum)]
     setting: Option<SettingName>,
     /// Most by which the ESC changes its output per second: 20 is 2 % per millisecond; no limit unless given
-    #[arg(long, value_name = "PER_S", value_parser = number(Quantity::SLEW_PER_S), allow_negative_numbers = true)]
+    #[arg(long, value_name = "PER_S", value_parser = number(AcceptedRange::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     /// Lowest and highest command that the ESC gets, for an inverse; 0..1 unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::DUTY), allow_negative_numbers = true)]
     output_range: Option<(f64, f64)>,
     /// Commands of the flight controller for which an inverse is in the path; the measured ones and 0.05 beyond unless given
-    #[arg(long, value_name = "LOW..HIGH", value_parser = range(Quantity::DUTY), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::DUTY), allow_negative_numbers = true)]
     compensate_range: Option<(f64, f64)>,
 }
 
@@ -101,7 +101,7 @@ impl DesignArguments {
     ///
     /// # Errors
     /// When an option of the other kind was given.
-    pub fn request(&self) -> Result<DesignRequest, WrongUse> {
+    pub fn request(&self) -> Result<DesignRequest, UsageError> {
         let request = self.unchecked();
         let option = |parameter: &str| match parameter {
             "omega_g_rad_s" => "--omega-g",
@@ -112,7 +112,7 @@ impl DesignArguments {
             _ => "--setting",
         };
         match request.foreign() {
-            Some(parameter) => Err(WrongUse::new(
+            Some(parameter) => Err(UsageError::new(
                 format!("{} is no option of this kind of compensator", option(parameter)),
                 "leave it out, or change --kind",
             )),
@@ -156,7 +156,7 @@ impl SettingName {
 }
 
 /// A number of that range: what options accept is stated where it is for the keys of files.
-pub fn number(quantity: Quantity) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+pub fn number(quantity: AcceptedRange) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
     move |text| {
         let value = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
         quantity.accept_given(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
@@ -164,7 +164,7 @@ pub fn number(quantity: Quantity) -> impl Fn(&str) -> Result<f64, String> + Clon
 }
 
 /// `LOW..HIGH`, both numbers of that range, the first lower.
-pub fn range(quantity: Quantity) -> impl Fn(&str) -> Result<(f64, f64), String> + Clone + Send + Sync + 'static {
+pub fn range(quantity: AcceptedRange) -> impl Fn(&str) -> Result<(f64, f64), String> + Clone + Send + Sync + 'static {
     move |text| {
         let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
         let (low, high) = text.split_once("..").ok_or_else(remedy)?;
@@ -211,12 +211,12 @@ mod tests {
 
     #[test]
     fn an_option_has_the_range_of_the_key_that_it_stands_for() {
-        let refused = number(Quantity::DURATION_S)("1e6").unwrap_err();
+        let refused = number(AcceptedRange::DURATION_S)("1e6").unwrap_err();
         assert!(refused.starts_with("1000000 is not from 0.0001 to 100000; give a value"), "{refused}");
-        assert_eq!(number(Quantity::DURATION_S)("1e5"), Ok(1e5));
-        assert_eq!(range(Quantity::DUTY)("0.05..1"), Ok((0.05, 1.0)));
+        assert_eq!(number(AcceptedRange::DURATION_S)("1e5"), Ok(1e5));
+        assert_eq!(range(AcceptedRange::DUTY)("0.05..1"), Ok((0.05, 1.0)));
         for wrong in ["1..0", "0.5..0.5", "0..1.5", "0,1", ".."] {
-            assert!(range(Quantity::DUTY)(wrong).is_err(), "{wrong}");
+            assert!(range(AcceptedRange::DUTY)(wrong).is_err(), "{wrong}");
         }
     }
 }

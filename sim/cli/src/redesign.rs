@@ -7,11 +7,11 @@ use rotorlead_answer::{Answer, Section};
 use rotorlead_design::redesign::{RedesignOptions, redesign};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_plant::bench::PAPER_AMPLITUDE;
-use rotorlead_records::files::{Quantity, check_writable};
+use rotorlead_records::files::{AcceptedRange, check_writable};
 use rotorlead_results::{Chosen, design_section, redesign_answer};
 use serde_json::json;
 
-use super::WrongUse;
+use super::UsageError;
 use super::parameters::{DesignArguments, number};
 use super::progress;
 use super::replacement::written_to;
@@ -27,7 +27,7 @@ pub struct RedesignArguments {
     #[arg(long, value_name = "FILE", requires = "redesign")]
     out_compensator: Option<PathBuf>,
     /// Peak deviation of the command for which the prediction is made, for --redesign; 0.05 unless given
-    #[arg(long, value_name = "U", requires = "redesign", value_parser = number(Quantity::AMPLITUDE), allow_negative_numbers = true)]
+    #[arg(long, value_name = "U", requires = "redesign", value_parser = number(AcceptedRange::AMPLITUDE), allow_negative_numbers = true)]
     at_amplitude: Option<f64>,
     #[command(flatten)]
     parameters: DesignArguments,
@@ -47,7 +47,7 @@ impl RedesignArguments {
     /// Refuses options that need `--redesign` without it, and files that cannot be written.
     pub fn check(&self) -> miette::Result<()> {
         if self.parameters.is_given() && !self.redesign {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 "--kind and the parameters of a compensator are those of a redesign",
                 "add --redesign, or leave them out",
             )

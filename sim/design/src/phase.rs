@@ -53,7 +53,7 @@ impl ChainPhase {
     /// the whole chain lags more than 90 degrees there. The last leaves out slow levels, whose lag is still small at their
     /// new bandwidth.
     #[must_use]
-    pub fn is_gain_lost(&self, bandwidths: &BandwidthPoint) -> bool {
+    pub fn is_dead_time_limited(&self, bandwidths: &BandwidthPoint) -> bool {
         let (before, after) = (bandwidths.uncompensated.reached_rad_s(), bandwidths.compensated.reached_rad_s());
         after > before && after * self.dead_time_s() > 1.0 && self.compensated.minus_90.reached_rad_s() < after
     }
@@ -325,7 +325,7 @@ mod tests {
     fn a_gain_is_lost_to_much_dead_time_and_not_to_little() {
         let lost = |delay_s: f64| {
             let (points, phases) = paper(&late(delay_s));
-            phases.iter().zip(&points).map(|(phase, point)| phase.is_gain_lost(point)).collect::<Vec<_>>()
+            phases.iter().zip(&points).map(|(phase, point)| phase.is_dead_time_limited(point)).collect::<Vec<_>>()
         };
         assert_eq!(lost(0.0), [false; 6]);
         // The fastest level has 94 rad/s: with 1.6 ms of latency 1 rad of lag is reached at 9.0 ms. The slow ones have up to

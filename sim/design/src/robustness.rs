@@ -115,7 +115,7 @@ pub fn robustness(
         let swept = sweep.over_static(limit_rad_s)?;
         found.lowest = lower(found.lowest, swept.bandwidth.magnitude);
         found.lowest_phase_crossing = lower(found.lowest_phase_crossing, swept.bandwidth.phase);
-        if rad_s(swept.bandwidth.magnitude) > rad_s(found.highest) {
+        if swept.bandwidth.magnitude.reached_rad_s() > found.highest.reached_rad_s() {
             found.highest = swept.bandwidth.magnitude;
         }
         found.peak_db = found.peak_db.max(20.0 * swept.peak.log10());
@@ -131,14 +131,7 @@ pub fn robustness(
 }
 
 fn lower(one: Bandwidth, other: Bandwidth) -> Bandwidth {
-    if rad_s(other) < rad_s(one) { other } else { one }
-}
-
-/// The frequency, or up to where there is none.
-fn rad_s(bandwidth: Bandwidth) -> f64 {
-    match bandwidth {
-        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
-    }
+    if other.reached_rad_s() < one.reached_rad_s() { other } else { one }
 }
 
 #[cfg(test)]
@@ -164,20 +157,29 @@ mod tests {
             robustness_to(&inverse, "tau -20 %"),
             robustness_to(&inverse, "tau +20 %"),
         );
-        assert!(rad_s(as_it_is.lowest) > 90.0 && as_it_is.peak_db < 0.3 && as_it_is.overshoot < 0.06, "{as_it_is:?}");
+        assert!(
+            as_it_is.lowest.reached_rad_s() > 90.0 && as_it_is.peak_db < 0.3 && as_it_is.overshoot < 0.06,
+            "{as_it_is:?}"
+        );
         // About 4 % and 0.9 % for each percent.
         assert!((0.18..0.32).contains(&short.overshoot) && short.peak_db > 1.0, "{short:?}");
-        assert!(rad_s(long.lowest) < 0.85 * rad_s(as_it_is.lowest) && long.overshoot < 0.05, "{long:?}");
+        assert!(
+            long.lowest.reached_rad_s() < 0.85 * as_it_is.lowest.reached_rad_s() && long.overshoot < 0.05,
+            "{long:?}"
+        );
     }
 
     #[test]
     fn a_delay_changes_no_magnitude_and_costs_phase() {
         let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
         let (as_it_is, late) = (robustness_to(&inverse, "as the model"), robustness_to(&inverse, "delay 10 ms"));
-        assert!((rad_s(late.lowest) / rad_s(as_it_is.lowest) - 1.0).abs() < 0.01, "{late:?}");
-        assert!(rad_s(late.lowest_phase_crossing) < 0.7 * rad_s(as_it_is.lowest_phase_crossing), "{late:?}");
+        assert!((late.lowest.reached_rad_s() / as_it_is.lowest.reached_rad_s() - 1.0).abs() < 0.01, "{late:?}");
+        assert!(
+            late.lowest_phase_crossing.reached_rad_s() < 0.7 * as_it_is.lowest_phase_crossing.reached_rad_s(),
+            "{late:?}"
+        );
         let lead = design(&table_1(), &DesignOptions::default()).unwrap().into();
         let lead = robustness_to(&lead, "as the model");
-        assert!(rad_s(lead.lowest) < 9.0 && rad_s(lead.highest) > 90.0, "{lead:?}");
+        assert!(lead.lowest.reached_rad_s() < 9.0 && lead.highest.reached_rad_s() > 90.0, "{lead:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! Several settings changed at once.
 
-use rotorlead::settings::{Key, MOTORS, Place, Problem, Settings, SettingsError, Validated};
+use rotorlead::settings::{Key, MOTORS, Problem, SettingId, Settings, SettingsError, Validated};
 
 use super::text::CURVE;
 use super::{DeviceError, entries, set};
@@ -24,7 +24,7 @@ pub fn change(settings: &Settings, changes: &[(String, String)]) -> Result<Valid
 /// What else has to be changed.
 struct Remedy {
     /// Keys that were not changed, with values that fit.
-    others: Vec<(Place, String)>,
+    others: Vec<(SettingId, String)>,
     /// What is then still wrong, with a value that was given.
     left: Option<SettingsError>,
 }
@@ -32,13 +32,13 @@ struct Remedy {
 impl Remedy {
     /// Follows the errors of `settings` through the keys that `changes` leave alone.
     fn from_error(error: SettingsError, mut settings: Settings, changes: &[(String, String)]) -> Self {
-        let is_given = |place: Place| changes.iter().any(|(name, _)| names(place).contains(name));
-        let mut others: Vec<(Place, String)> = Vec::new();
+        let is_given = |place: SettingId| changes.iter().any(|(name, _)| names(place).contains(name));
+        let mut others: Vec<(SettingId, String)> = Vec::new();
         let mut next = Some(error);
         while let Some(error) = next {
             let (mut place, mut value) = (error.place, nearest(&settings, error));
             if is_given(place) && error.problem == Problem::StopWithoutRawDuty {
-                (place, value) = (Place { key: Key::OutputProtocol, motor: None }, Some("raw_duty".into()));
+                (place, value) = (SettingId { key: Key::OutputProtocol, motor: None }, Some("raw_duty".into()));
             }
             if is_given(place) || others.iter().any(|(other, _)| *other == place) {
                 return Self { others, left: Some(error) };
@@ -46,7 +46,7 @@ impl Remedy {
             if error.problem == Problem::NoCurve {
                 // Nobody but the user has the time constants: which motors lack them.
                 let lacking = (0..).zip(&settings.motors).filter(|(_, motor)| motor.curve.is_none());
-                let places = lacking.map(|(motor, _)| Place { key: Key::TimeConstantS, motor: Some(motor) });
+                let places = lacking.map(|(motor, _)| SettingId { key: Key::TimeConstantS, motor: Some(motor) });
                 others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, CURVE.into())));
                 break;
             }
@@ -88,12 +88,12 @@ impl Remedy {
 }
 
 /// The names that mean this setting: its own, and that of all motors.
-fn names(place: Place) -> [String; 2] {
+fn names(place: SettingId) -> [String; 2] {
     [place.to_string(), format!("motor.*.{}", place.key.name())]
 }
 
 /// A setting as [`entries`] shows it.
-fn shown(settings: &Settings, place: Place) -> Option<String> {
+fn shown(settings: &Settings, place: SettingId) -> Option<String> {
     let name = place.to_string();
     entries(settings).into_iter().find(|(known, _)| *known == name).map(|(_, value)| value)
 }

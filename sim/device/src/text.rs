@@ -1,7 +1,7 @@
 //! Settings by name, as on the command line.
 
 use rotorlead::design::{CurvePoint, RotorCurve};
-use rotorlead::settings::{CompensatorKind, Key, MOTORS, MotorSettings, NoSignal, Place, PulseProtocol, Settings};
+use rotorlead::settings::{CompensatorKind, Key, MOTORS, MotorSettings, NoSignal, PulseProtocol, SettingId, Settings};
 use rotorlead::throttle::{Command, Throttle};
 use rotorlead_records::files::did_you_mean;
 
@@ -19,7 +19,7 @@ pub fn entries(settings: &Settings) -> Vec<(String, String)> {
     let mut entries = Vec::new();
     let mut add = |key: Key, motor: Option<u8>| {
         let value = Value::from_settings(&mut copy, key, motor.map_or(0, usize::from)).show();
-        entries.push((Place { key, motor }.to_string(), value));
+        entries.push((SettingId { key, motor }.to_string(), value));
     };
     for key in Key::ALL.into_iter().filter(|key| !key.is_of_a_motor()) {
         add(key, None);

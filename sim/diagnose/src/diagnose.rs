@@ -15,7 +15,7 @@ use crate::assess::minor::{self, MinorEffect};
 use crate::assess::verdict::{Evidence, Finding, Verdict};
 use crate::assess::{gap, gaps, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
-use crate::data::dataset::{Dataset, Record};
+use crate::data::dataset::{Dataset, PreparedRecord};
 use crate::data::split::Split;
 use crate::error::DiagnoseError;
 use crate::estimate::{first_lag, fit};
@@ -112,10 +112,10 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let refitted = options.model.is_none();
     let mut gaps = gaps::compute_gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
     let own = likelihood.with_errors_from(&before.hypothesis);
-    let fitted_left = own.as_ref().and_then(|own| {
+    let fitted_residual = own.as_ref().and_then(|own| {
         plateau_gap::PlateauResidual::compute((own, &before.hypothesis), (likelihood, &after.hypothesis), Split::Train)
     });
-    let fitted_left = fitted_left.unwrap_or_default().shares();
+    let fitted_residual = fitted_residual.unwrap_or_default().shares();
     let evidence = Evidence {
         finding: match (found.is_empty(), &wrong) {
             (false, _) => Finding::Effects,
@@ -130,7 +130,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         // The share that is left of a log is not that of noise.
         is_minor: !data.has_logs() && likelihood.excess_share(&after.hypothesis, Split::Train) < POLICY.minor,
         is_rejected: found.is_empty() && rejected(likelihood, &before, &tried, &mut minor),
-        left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
+        residual_of_logs: data.has_logs().then(|| [fitted_residual, gaps.residual.shares()]),
     };
     let verdict = evidence.verdict();
     let found = if verdict == Verdict::Unknown {
@@ -188,7 +188,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
-        has_free_map: data.records.iter().any(Record::has_free_map),
+        has_free_map: data.records.iter().any(PreparedRecord::has_free_map),
         lateness: Lateness::estimate(likelihood, &after.hypothesis),
         decisions: decided(decisions, verdict, &evidence),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
@@ -301,7 +301,7 @@ pub(crate) fn first_model(
         }
         return data.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
-    let is_periodic = |record: &Record| record.log.is_none();
+    let is_periodic = |record: &PreparedRecord| record.log.is_none();
     let mut found: Vec<(f64, Lag)> = Vec::new();
     if data.records.iter().any(is_periodic) {
         let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
@@ -414,7 +414,7 @@ impl Dataset {
     /// Every nominal command needs something to fit.
     fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {
-            let is_fitted = |record: &Record| record.point == point && record.is_fitted();
+            let is_fitted = |record: &PreparedRecord| record.point == point && record.is_fitted();
             if !self.records.iter().any(is_fitted) {
                 return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
             }

@@ -47,9 +47,9 @@ impl Stack {
     #[must_use]
     pub fn output_range(self) -> Option<(f64, f64)> {
         match self {
-            // `dshot_idle_value`, later `motor_idle`, is 550: 5.5 %.
+            // Standard: `dshot_idle_value`, later `motor_idle`, is 550: 5.5 %.
             Self::Betaflight => Some((0.055, 1.0)),
-            // MOT_SPIN_MIN and MOT_SPIN_MAX.
+            // Standard: the defaults of MOT_SPIN_MIN and MOT_SPIN_MAX.
             Self::Ardupilot => Some((0.15, 0.95)),
             Self::Px4 | Self::Indiflight | Self::Gazebo => Some((0.0, 1.0)),
             Self::Paparazzi => None,
@@ -82,7 +82,7 @@ pub struct Definition {
     pub source: &'static str,
     /// Which of the model's numbers it is.
     #[serde(skip)]
-    pub(super) quantity: Quantity,
+    pub(super) quantity: StackParameter,
     /// What that number, in SI units, is multiplied by.
     #[serde(skip)]
     pub(super) scale: f64,
@@ -96,7 +96,7 @@ pub struct Definition {
 
 /// A number of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Quantity {
+pub(super) enum StackParameter {
     /// The parameter of a law of thrust over motor output.
     ThrustCurve(ThrustLaw),
     /// Time constant, seconds.
@@ -113,7 +113,7 @@ pub(super) enum Quantity {
     MotorConstant,
 }
 
-impl Quantity {
+impl StackParameter {
     pub(super) fn is_lag(self) -> bool {
         matches!(self, Self::TimeConstant | Self::CornerFrequency | Self::TimeConstantUp | Self::TimeConstantDown)
     }
@@ -122,7 +122,7 @@ impl Quantity {
 const fn definition(
     name: &'static str,
     unit: &'static str,
-    quantity: Quantity,
+    quantity: StackParameter,
     definition: &'static str,
     source: &'static str,
 ) -> Definition {
@@ -136,7 +136,7 @@ const BETAFLIGHT: [Definition; 1] = [Definition {
     ..definition(
         "thrust_linear",
         "%",
-        Quantity::ThrustCurve(ThrustLaw::Boost),
+        StackParameter::ThrustCurve(ThrustLaw::Boost),
         "the motor output that gives a share y of the full thrust is y (1 + thrust_linear/100 (1 - y)^2), both counted \
          from the idle; the law of firmware since pull request 9740 (2020) and without 15226 (2026)",
         "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization; pull request 9740; bounds: src/main/cli/settings.c",
@@ -148,7 +148,7 @@ const PX4: [Definition; 1] = [Definition {
     ..definition(
         "THR_MDL_FAC",
         "1",
-        Quantity::ThrustCurve(ThrustLaw::Quadratic),
+        StackParameter::ThrustCurve(ThrustLaw::Quadratic),
         "rel_thrust = THR_MDL_FAC rel_signal^2 + (1 - THR_MDL_FAC) rel_signal, both from 0 to 1; the signal \
          between the output's MIN and MAX, or DSHOT_MIN and full throttle",
         "PX4/PX4-Autopilot src/lib/mixer_module/motor_params.yaml at 1cf10fee3b82",
@@ -160,7 +160,7 @@ const ARDUPILOT: [Definition; 1] = [Definition {
     ..definition(
         "MOT_THST_EXPO",
         "1",
-        Quantity::ThrustCurve(ThrustLaw::Quadratic),
+        StackParameter::ThrustCurve(ThrustLaw::Quadratic),
         "thrust = MOT_THST_EXPO r^2 + (1 - MOT_THST_EXPO) r, where r is 0 at MOT_SPIN_MIN and 1 at MOT_SPIN_MAX",
         "ArduPilot/ardupilot libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp at 04dc0b71a37d",
     )
@@ -169,7 +169,7 @@ const ARDUPILOT: [Definition; 1] = [Definition {
 const PAPARAZZI: [Definition; 1] = [definition(
     "ACT_FREQ",
     "rad/s",
-    Quantity::CornerFrequency,
+    StackParameter::CornerFrequency,
     "corner frequency of the actuator as a continuous first-order lag, 1 / time constant; in the section whose prefix is \
      STABILIZATION_INDI_",
     "paparazzi/paparazzi sw/airborne/firmwares/rotorcraft/stabilization/stabilization_indi.c, STABILIZATION_INDI_ACT_FREQ",
@@ -181,12 +181,12 @@ const INDIFLIGHT: [Definition; 3] = [
     Definition {
         scale: 1000.0,
         is_integer: true,
-        // A byte, of which the firmware takes 1 for 0.
+        // Standard: a byte, of which the firmware takes 1 for 0.
         bounds: Some((1.0, 255.0)),
         ..definition(
             "indi_act_time_constant_ms",
             "ms",
-            Quantity::TimeConstant,
+            StackParameter::TimeConstant,
             "time constant of the actuator as a first-order lag",
             INDIFLIGHT_SOURCE,
         )
@@ -194,12 +194,12 @@ const INDIFLIGHT: [Definition; 3] = [
     Definition {
         scale: 100.0,
         is_integer: true,
-        // The firmware clips it to these.
+        // Standard: the firmware clips it to these.
         bounds: Some((2.5, 70.0)),
         ..definition(
             "indi_act_nonlinearity",
             "%",
-            Quantity::ThrustCurve(ThrustLaw::Quadratic),
+            StackParameter::ThrustCurve(ThrustLaw::Quadratic),
             "force = k d^2 + (1 - k) d with k = indi_act_nonlinearity/100, force and motor output d from 0 to 1",
             "tudelft/indiflight src/main/flight/indi.c at f25495626 (indiOutputCurve, updateLinearization)",
         )
@@ -210,7 +210,7 @@ const INDIFLIGHT: [Definition; 3] = [
         ..definition(
             "indi_act_max_rpm",
             "rpm",
-            Quantity::TopSpeed,
+            StackParameter::TopSpeed,
             "rotor speed at the full motor output",
             INDIFLIGHT_SOURCE,
         )
@@ -224,28 +224,28 @@ const GAZEBO: [Definition; 4] = [
     definition(
         "timeConstantUp",
         "s",
-        Quantity::TimeConstantUp,
+        StackParameter::TimeConstantUp,
         "time constant of the first-order filter of the rotor speed while it rises",
         GAZEBO_SOURCE,
     ),
     definition(
         "timeConstantDown",
         "s",
-        Quantity::TimeConstantDown,
+        StackParameter::TimeConstantDown,
         "time constant of the first-order filter of the rotor speed while it falls",
         GAZEBO_SOURCE,
     ),
     definition(
         "maxRotVelocity",
         "rad/s",
-        Quantity::TopSpeed,
+        StackParameter::TopSpeed,
         "highest rotor speed that the motor may be commanded",
         GAZEBO_SOURCE,
     ),
     definition(
         "motorConstant",
         "N/(rad/s)^2",
-        Quantity::MotorConstant,
+        StackParameter::MotorConstant,
         "thrust = motorConstant (rotor speed)^2",
         GAZEBO_SOURCE,
     ),

@@ -6,13 +6,13 @@ use rotorlead_identify::estimate::Estimate;
 
 /// A number with the ends of its 95 % interval, where they are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Band {
+pub(super) struct ConfidenceInterval {
     pub(super) value: f64,
     pub(super) low: Option<f64>,
     pub(super) high: Option<f64>,
 }
 
-impl Band {
+impl ConfidenceInterval {
     pub(super) fn from_estimate(estimate: Estimate) -> Self {
         let (low, high) = estimate.interval(0.95);
         Self { value: estimate.value, low: Some(low), high: Some(high) }
@@ -32,9 +32,9 @@ impl Band {
 
 /// The time constant at a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Lag {
+pub(super) struct LagEstimate {
     /// Of small motions in both directions, seconds.
-    pub(super) time_constant_s: Band,
+    pub(super) time_constant_s: ConfidenceInterval,
     /// Where.
     pub(super) at: f64,
     /// Between which commands it is known.
@@ -50,7 +50,7 @@ pub(super) enum Direction {
     Down,
 }
 
-impl Lag {
+impl LagEstimate {
     /// From the model's curve with its band, or from its points where it has none; in the middle unless `at` is given.
     pub(super) fn from_model(model: &Model, at: Option<f64>) -> Result<Self, String> {
         let curve = model.time_constant_curve.as_ref().filter(|curve| !curve.nominal.is_empty());
@@ -77,7 +77,7 @@ impl Lag {
 
     /// The time constant of one direction. Where the model's curve knows how far they differ, its time constant is that of the
     /// mean of the two rates.
-    pub(super) fn directed(self, model: &Model, direction: Direction) -> Result<Band, String> {
+    pub(super) fn directed(self, model: &Model, direction: Direction) -> Result<ConfidenceInterval, String> {
         let ratio = model.time_constant_curve.as_ref().and_then(|curve| curve.down_over_up);
         let has_both = |point: &Point| point.time_constant_up_s.is_some() && point.time_constant_down_s.is_some();
         if ratio.is_none() && !model.points.iter().any(has_both) {
@@ -118,20 +118,20 @@ fn interpolated(nominals: &[f64], at: f64, value: impl Fn(usize) -> f64) -> f64 
     value(above - 1) + (at - low) / (high - low) * (value(above) - value(above - 1))
 }
 
-fn on_curve(curve: &TimeConstantBand, at: f64) -> Band {
+fn on_curve(curve: &TimeConstantBand, at: f64) -> ConfidenceInterval {
     let of = |values: &[f64]| interpolated(&curve.nominal, at, |index| values[index]);
-    Band { value: of(&curve.time_constant_s), low: Some(of(&curve.low_s)), high: Some(of(&curve.high_s)) }
+    ConfidenceInterval { value: of(&curve.time_constant_s), low: Some(of(&curve.low_s)), high: Some(of(&curve.high_s)) }
 }
 
 /// The standard error is interpolated as well: no less than that of the interpolated value, however the points' errors go together.
-fn between_points(points: &[Point], at: f64) -> Band {
+fn between_points(points: &[Point], at: f64) -> ConfidenceInterval {
     let nominals: Vec<f64> = points.iter().map(|point| point.nominal).collect();
     let value = interpolated(&nominals, at, |index| points[index].time_constant_s);
     // A value that is missing becomes NaN, and with it what is interpolated from it.
     let std = interpolated(&nominals, at, |index| points[index].time_constant_s_std.unwrap_or(f64::NAN));
     if std.is_nan() {
-        return Band { value, low: None, high: None };
+        return ConfidenceInterval { value, low: None, high: None };
     }
     let (low, high) = Estimate::normal(value, std).interval_of_logarithm(0.95);
-    Band { value, low: Some(low), high: Some(high) }
+    ConfidenceInterval { value, low: Some(low), high: Some(high) }
 }

@@ -9,7 +9,8 @@ pub(super) enum ThrustLaw {
     Boost,
 }
 
-/// Newton's steps for the inverse of the boost: it converges to the last digit in less than ten.
+/// Newton's steps for the inverse of the boost: it converges to the last digit in less than ten. Chosen: halving the bracket, which it does
+/// where Newton's step leaves it, then has 1e-15; more change nothing.
 const MOST_STEPS: usize = 50;
 
 impl ThrustLaw {
@@ -17,7 +18,7 @@ impl ThrustLaw {
     pub(super) fn thrust(self, r: f64, parameter: f64) -> Option<f64> {
         match self {
             Self::Quadratic => Some(r * (1.0 - parameter + parameter * r)),
-            // Its slope 1 + p (1 - y) (1 - 3 y) is above zero between thrusts of 0 and 1.
+            // Derived: its slope 1 + p (1 - y) (1 - 3 y) is above zero between thrusts of 0 and 1.
             Self::Boost => (parameter > -1.0 && parameter < 3.0).then(|| unboosted(r, parameter)),
         }
     }

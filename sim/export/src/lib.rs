@@ -14,9 +14,9 @@ use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
 use serde::Serialize;
 
-use definition::Quantity;
+use definition::StackParameter;
 pub use definition::{Definition, Stack};
-use lag::{Band, Direction, Lag};
+use lag::{ConfidenceInterval, Direction, LagEstimate};
 use law::ThrustLaw;
 use maps::Maps;
 
@@ -104,7 +104,7 @@ struct KnownMotor<'a> {
 
 /// A quantity in SI units.
 struct RawParameter {
-    band: Band,
+    band: ConfidenceInterval,
     at: Option<f64>,
     measured: (f64, f64),
     worst_error_percent: Option<f64>,
@@ -112,19 +112,19 @@ struct RawParameter {
 }
 
 impl KnownMotor<'_> {
-    fn raw(&self, quantity: Quantity) -> Result<RawParameter, String> {
+    fn raw(&self, quantity: StackParameter) -> Result<RawParameter, String> {
         match quantity {
-            Quantity::ThrustCurve(law) => self.thrust_curve(law),
-            Quantity::TimeConstant => self.lag(|lag| Ok(lag.time_constant_s)),
-            Quantity::CornerFrequency => self.lag(|lag| Ok(lag.time_constant_s.inverse())),
-            Quantity::TimeConstantUp => self.lag(|lag| lag.directed(self.model, Direction::Up)),
-            Quantity::TimeConstantDown => self.lag(|lag| lag.directed(self.model, Direction::Down)),
-            Quantity::TopSpeed => {
+            StackParameter::ThrustCurve(law) => self.thrust_curve(law),
+            StackParameter::TimeConstant => self.lag(|lag| Ok(lag.time_constant_s)),
+            StackParameter::CornerFrequency => self.lag(|lag| Ok(lag.time_constant_s.inverse())),
+            StackParameter::TimeConstantUp => self.lag(|lag| lag.directed(self.model, Direction::Up)),
+            StackParameter::TimeConstantDown => self.lag(|lag| lag.directed(self.model, Direction::Down)),
+            StackParameter::TopSpeed => {
                 let (band, command) = rotor::top_speed_rad_s(&self.maps, self.range)?;
                 let measured = (command, command);
                 Ok(RawParameter { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() })
             }
-            Quantity::MotorConstant => {
+            StackParameter::MotorConstant => {
                 let found = rotor::motor_constant(&self.maps)?;
                 let worst_error_percent = Some(found.worst_error_percent);
                 let (band, measured) = (found.n_per_rad2_s2, found.measured);
@@ -133,8 +133,8 @@ impl KnownMotor<'_> {
         }
     }
 
-    fn lag(&self, band: impl Fn(Lag) -> Result<Band, String>) -> Result<RawParameter, String> {
-        let lag = Lag::from_model(self.model, self.at)?;
+    fn lag(&self, band: impl Fn(LagEstimate) -> Result<ConfidenceInterval, String>) -> Result<RawParameter, String> {
+        let lag = LagEstimate::from_model(self.model, self.at)?;
         let mut notes = Vec::new();
         if self.at.is_none() {
             notes.push(String::from(
@@ -182,7 +182,7 @@ impl KnownMotor<'_> {
             notes.push(String::from("no thrust was measured: it is taken to go with the square of the rotor speed"));
         }
         Ok(RawParameter {
-            band: Band::from_estimate(found.parameter),
+            band: ConfidenceInterval::from_estimate(found.parameter),
             at: None,
             measured: found.measured,
             worst_error_percent: Some(found.worst_error_percent),
@@ -194,7 +194,7 @@ impl KnownMotor<'_> {
 impl RawParameter {
     /// The parameter in its stack's unit, whole where the stack wants it so; refused beyond what the stack takes.
     fn in_units(mut self, definition: &'static Definition) -> Result<Parameter, String> {
-        let Band { value: exact, low, high } = self.band.times(definition.scale);
+        let ConfidenceInterval { value: exact, low, high } = self.band.times(definition.scale);
         // Plus zero: a stack need not know a minus zero.
         let mut value = if definition.is_integer { exact.round() + 0.0 } else { exact };
         if let (Some((least, most)), Some(low), Some(high)) = (definition.bounds, low, high)

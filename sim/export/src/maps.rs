@@ -5,8 +5,8 @@ use rotorlead_records::{Experiment, Output};
 
 use rotorlead_identify::static_map::{SteadyPoints, SteadySource, fit_static_map};
 
-/// A level this close to an end of the motor output is that end: 5 us of a pulse's 1000. A thrust that goes with the
-/// square of the command differs by 1 % there.
+/// A level this close to an end of the motor output is that end: 5 us of a pulse's 1000. Chosen: a thrust that goes with the square of the
+/// command differs by 1 % there; less refuses maps for a rounded command, more takes another thrust for the full one.
 const END: f64 = 0.005;
 
 /// Steady responses where they are known.

@@ -7,8 +7,8 @@ use std::ops::Sub;
 
 use num_complex::Complex64;
 
-/// A ratio of powers beyond this is none to noise: the response would show its noise a millionth as large as what the model
-/// leaves, and neither the digits of a log nor the sensor go so far.
+/// A ratio of powers beyond this is none to noise. Chosen: the response would show its noise a millionth as large as the residual, and
+/// neither the digits of a log nor the sensor go so far.
 const LARGEST_KNOWN_RATIO: f64 = 1e12;
 
 /// What can be compared: real records and complex frequency responses.
@@ -46,7 +46,7 @@ pub fn fit_percent<T: Sample>(measured: &[T], model: &[T]) -> Option<f64> {
     }
     let error: f64 = measured.iter().zip(model).map(|(&y, &m)| (y - m).power()).sum();
     let spread = spread(measured);
-    (spread > 0.0).then(|| percent_when_left(error, spread))
+    (spread > 0.0).then(|| percent_with_residual(error, spread))
 }
 
 /// `||y - mean(y)||^2`: what there is to explain; zero for nothing.
@@ -56,7 +56,7 @@ pub(crate) fn spread<T: Sample>(measured: &[T]) -> f64 {
 }
 
 /// % fit when of a `spread` above zero this `error` is left, both sums of squares.
-pub(crate) fn percent_when_left(error: f64, spread: f64) -> f64 {
+pub(crate) fn percent_with_residual(error: f64, spread: f64) -> f64 {
     100.0 * (1.0 - (error / spread).sqrt())
 }
 

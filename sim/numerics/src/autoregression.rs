@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// The highest order that is tried. Enough for a low-pass sensor, mains hum at a hundred rows per cycle and below, and both. Chosen: the
 /// criterion takes fewer where they do, so that more cost only time.
-const MOST: usize = 30;
+const MAX_ORDER: usize = 30;
 /// At least this many rows per coefficient. Chosen: a coefficient then has a standard error of at most 1 / sqrt(20) = 0.22; fewer rows
 /// describe themselves.
 const ROWS_PER_COEFFICIENT: usize = 20;
@@ -18,9 +18,9 @@ const ROWS_PER_COEFFICIENT: usize = 20;
 /// Yule-Walker's equations by Levinson's recursion; the order has the least `n ln(variance) + order ln(n)` (BIC, which
 /// finds the order, where AIC would err on the high side).
 #[must_use]
-pub fn autoregression(residuals: &[f64], runs: &[Range<usize>]) -> Vec<f64> {
+pub fn fit_autoregression(residuals: &[f64], runs: &[Range<usize>]) -> Vec<f64> {
     let rows: usize = runs.iter().map(Range::len).sum();
-    let most = MOST.min(rows / ROWS_PER_COEFFICIENT);
+    let most = MAX_ORDER.min(rows / ROWS_PER_COEFFICIENT);
     let covariance: Vec<f64> = (0..=most)
         .map(|lag| {
             let products = |run: &Range<usize>| {
@@ -100,7 +100,7 @@ mod tests {
             noise[k] = 1.5 * noise[k - 1] - 0.7 * noise[k - 2] + fresh;
         }
         let runs = [0..12_000, 12_000..20_000];
-        let phi = autoregression(&noise, &runs);
+        let phi = fit_autoregression(&noise, &runs);
         assert_eq!(phi.len(), 2, "{phi:?}");
         // The standard error is sqrt((1 - 0.49) / 20000), 0.005.
         assert!((phi[0] - 1.5).abs() < 0.02 && (phi[1] + 0.7).abs() < 0.02, "{phi:?}");
@@ -117,8 +117,8 @@ mod tests {
     fn white_noise_has_no_coefficients_and_neither_has_none() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let noise: Vec<f64> = (0..5_000).map(|_| StandardNormal.sample(&mut rng)).collect();
-        assert!(autoregression(&noise, &[0..2_500, 2_500..5_000]).is_empty());
-        assert!(autoregression(&[0.0; 100], &[0..50, 50..100]).is_empty());
-        assert!(autoregression(&[], &[]).is_empty());
+        assert!(fit_autoregression(&noise, &[0..2_500, 2_500..5_000]).is_empty());
+        assert!(fit_autoregression(&[0.0; 100], &[0..50, 50..100]).is_empty());
+        assert!(fit_autoregression(&[], &[]).is_empty());
     }
 }

@@ -19,7 +19,7 @@ use super::normal_equations::{damped_step, floored_diagonal, scaled_inverse};
 const FIRST_DAMPING: f64 = 1e-3;
 /// A Jacobian serves for another step where the last one gained at least this share of what it predicted. Chosen: lower wastes steps on a
 /// poor Jacobian, higher computes Jacobians for little; the end of the search is the same.
-const SERVES_ON: f64 = 0.5;
+const MIN_REUSE_GAIN_RATIO: f64 = 0.5;
 
 /// A sum of squares by its normal equations.
 pub trait NormalEquations {
@@ -44,7 +44,7 @@ pub trait NormalEquations {
     ) -> Option<Self::Point>;
 
     /// Whether a bound keeps a parameter where it is when a step would move it by so much. The others then step without it.
-    fn is_blocked(&self, _at: &Self::Point, _parameter: usize, _step: f64) -> bool {
+    fn is_at_bound(&self, _at: &Self::Point, _parameter: usize, _step: f64) -> bool {
         false
     }
 
@@ -133,8 +133,8 @@ pub fn search<N: NormalEquations>(
         iterations += 1;
         let matrix = model.matrix(&linearization);
         let least = strategy.decrease.in_units(sum);
-        let is_blocked = |parameter: usize, step: f64| model.is_blocked(&at, parameter, step);
-        let Some(step) = damping.free_step(matrix, &gradient, is_blocked) else {
+        let is_at_bound = |parameter: usize, step: f64| model.is_at_bound(&at, parameter, step);
+        let Some(step) = damping.free_step(matrix, &gradient, is_at_bound) else {
             if damping.raise() {
                 continue;
             }
@@ -145,7 +145,7 @@ pub fn search<N: NormalEquations>(
         let gain = moved.as_ref().map_or(f64::NEG_INFINITY, |moved| sum - model.sum_of_squares(moved));
         let ratio = gain / predicted;
         let ends = is_fresh && gain <= least;
-        let serves_on = strategy.reuses_jacobian && (ends || (ratio >= SERVES_ON && gain > least));
+        let serves_on = strategy.reuses_jacobian && (ends || (ratio >= MIN_REUSE_GAIN_RATIO && gain > least));
         let accepted = moved.filter(|_| ratio > 0.0).and_then(|mut moved| {
             let next = if serves_on { None } else { Some(model.linearize(&mut moved)?) };
             Some((moved, next))
@@ -192,12 +192,13 @@ impl CurrentDamping {
         &mut self,
         matrix: &DMatrix<f64>,
         gradient: &DVector<f64>,
-        is_blocked: impl Fn(usize, f64) -> bool,
+        is_at_bound: impl Fn(usize, f64) -> bool,
     ) -> Option<DVector<f64>> {
         let (mut matrix, mut gradient) = (matrix.clone(), gradient.clone());
         loop {
             let step = self.step(&matrix, &gradient)?;
-            let blocked: Vec<usize> = (0..step.len()).filter(|i| step[*i] != 0.0 && is_blocked(*i, step[*i])).collect();
+            let blocked: Vec<usize> =
+                (0..step.len()).filter(|i| step[*i] != 0.0 && is_at_bound(*i, step[*i])).collect();
             if blocked.is_empty() {
                 return Some(step);
             }
@@ -286,7 +287,7 @@ pub trait Residuals {
 
 /// When [`minimize`] stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct StoppingCriteria {
     /// Most steps tried, accepted or not.
     pub iterations: usize,
     /// Relative decrease of the sum of squares below which the search has converged.
@@ -295,7 +296,7 @@ pub struct Limits {
 
 /// Chosen: a step below the decrease moves a parameter by a millionth of its standard error times the root of the residuals' number, near
 /// rounding. A search that converges does so in tens of steps; a hundred end the others.
-impl Default for Limits {
+impl Default for StoppingCriteria {
     fn default() -> Self {
         Self { iterations: 100, decrease: 1e-12 }
     }
@@ -335,7 +336,7 @@ impl Solution {
 
 /// Searches from `start`. `None` when the model or its derivatives are not defined there.
 #[must_use]
-pub fn minimize(model: &impl Residuals, start: &[f64], limits: Limits) -> Option<Solution> {
+pub fn minimize(model: &impl Residuals, start: &[f64], limits: StoppingCriteria) -> Option<Solution> {
     let model = InMemory(model);
     let strategy = Strategy {
         iterations: limits.iterations,
@@ -427,7 +428,7 @@ mod tests {
     #[test]
     fn what_the_data_do_not_determine_has_no_covariance() {
         let sums = By(|p: &[f64]| Some([0.0, 1.0, 2.0].map(|data| p[0] + p[1] - data)));
-        let solution = minimize(&sums, &[0.3, 0.1], Limits::default()).unwrap();
+        let solution = minimize(&sums, &[0.3, 0.1], StoppingCriteria::default()).unwrap();
         assert!((solution.parameters[0] + solution.parameters[1] - 1.0).abs() < 1e-9, "{solution:?}");
         // Rounding may leave a variance, which then is that of a number without any significant digit.
         assert!(solution.unit_covariance.is_none_or(|covariance| covariance[(0, 0)] > 1e6));
@@ -437,15 +438,15 @@ mod tests {
     fn a_step_to_where_the_model_is_not_defined_becomes_shorter() {
         // The first Gauss-Newton step from 10 leads to -13.
         let logarithm = By(|p: &[f64]| (p[0] > 0.0).then(|| [p[0].ln()]));
-        let solution = minimize(&logarithm, &[10.0], Limits::default()).unwrap();
+        let solution = minimize(&logarithm, &[10.0], StoppingCriteria::default()).unwrap();
         assert!(solution.converged && (solution.parameters[0] - 1.0).abs() < 1e-6, "{solution:?}");
-        assert_eq!(minimize(&logarithm, &[-1.0], Limits::default()), None);
+        assert_eq!(minimize(&logarithm, &[-1.0], StoppingCriteria::default()), None);
     }
 
     #[test]
     fn a_search_stops_at_its_limit_of_steps_and_says_so() {
         let cubic = By(|p: &[f64]| Some([p[0].powi(3)]));
-        let solution = minimize(&cubic, &[1.0], Limits { iterations: 3, decrease: 0.0 }).unwrap();
+        let solution = minimize(&cubic, &[1.0], StoppingCriteria { iterations: 3, decrease: 0.0 }).unwrap();
         assert!(!solution.converged && solution.iterations == 3, "{solution:?}");
     }
 
@@ -496,7 +497,7 @@ mod tests {
             Some([p + step[0], (q + step[1]).max(0.0)])
         }
 
-        fn is_blocked(&self, [_, q]: &[f64; 2], parameter: usize, step: f64) -> bool {
+        fn is_at_bound(&self, [_, q]: &[f64; 2], parameter: usize, step: f64) -> bool {
             parameter == 1 && *q == 0.0 && step < 0.0
         }
 

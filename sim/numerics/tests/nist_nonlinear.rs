@@ -8,12 +8,12 @@ mod nist_data;
 use nalgebra::{DMatrix, DVector};
 use nist_data::{Problem, problems};
 use rotorlead_numerics::least_squares::{
-    Damping, Decrease, Limits, NormalEquations, Residuals, Solution, Strategy, minimize, search,
+    Damping, Decrease, NormalEquations, Residuals, Solution, StoppingCriteria, Strategy, minimize, search,
 };
 use rotorlead_numerics::normal_equations::scaled_inverse;
 
 /// Until nothing is gained beyond rounding, so that the certified digits are reached.
-const LIMITS: Limits = Limits { iterations: 10_000, decrease: 1e-15 };
+const LIMITS: StoppingCriteria = StoppingCriteria { iterations: 10_000, decrease: 1e-15 };
 
 impl Residuals for Problem {
     fn count(&self) -> usize {

@@ -11,12 +11,12 @@ use super::{
     ResponseStage, RotorBase, Segment, Supply, TransportDelay,
 };
 
-/// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
-/// through the ends of a piece is then off by less than `0.1^4 / 384`, 3e-7, of it.
+/// A response that later stages have to follow is cut into pieces of this part of the time in which it bends. Derived: the cubic through
+/// the ends of a piece is then off by less than `0.1^4 / 384`, 3e-7, of it.
 const PIECE_PART: f64 = 0.1;
-/// No piece is shorter than this, s. What bends faster has settled within it: where the slope of a response jumps, the cubic is off
-/// by less than the jump times this, for that long. The next stage gathers of it the jump times the square of this over 12,
-/// 2e-10 s^2, times its own frequency.
+/// No piece is shorter than this, s. Derived: what bends faster has settled within it. Where the slope of a response jumps, the cubic is
+/// off by less than the jump times this, for that long; the next stage gathers of it the jump times `LEAST_PIECE_S^2 / 12`, 2e-10 s^2,
+/// times its own frequency.
 const LEAST_PIECE_S: f64 = 5e-5;
 
 /// A simulated actuator: command -> stages in order -> rotor -> stages in order.
@@ -153,7 +153,7 @@ impl Actuator {
         };
         let tau_s = base.at(start).lag.time_constant_s;
         let rotor = if exact {
-            Rotor::Exact(FirstOrder::on(base, start))
+            Rotor::Exact(FirstOrder::from_base(base, start))
         } else {
             Rotor::Integrated(IntegratedRotor::new(base, links.terms)?)
         };
@@ -293,19 +293,19 @@ impl Actuator {
     /// The rotor's speed as the command that would keep it there: what a speed sensor shows, up to its unit. Sensors and
     /// stand do not come between.
     #[must_use]
-    pub fn speed(&self) -> f64 {
+    pub fn equivalent_command(&self) -> f64 {
         match &self.rotor {
-            Rotor::Exact(lag) => lag.speed(),
-            Rotor::Integrated(rotor) => rotor.speed(),
+            Rotor::Exact(lag) => lag.equivalent_command(),
+            Rotor::Integrated(rotor) => rotor.equivalent_command(),
         }
     }
 
     /// Voltage and current, where an effect says them.
     #[must_use]
-    pub fn state_derivative(&self) -> Option<Supply> {
+    pub fn supply_measurement(&self) -> Option<Supply> {
         match &self.rotor {
             Rotor::Exact(_) => None,
-            Rotor::Integrated(rotor) => rotor.state_derivative(),
+            Rotor::Integrated(rotor) => rotor.supply_measurement(),
         }
     }
 }
@@ -421,8 +421,8 @@ mod tests {
                 v += 2e-6 * (u - v) / curve.clamped_at(v).lag.time_constant_s;
             }
             actuator.advance(u, f64::from(tick) * 2e-4);
-            worst = worst.max((actuator.speed() - v).abs());
-            assert!((actuator.response() - curve.steady_response(actuator.speed())).abs() < 1e-12);
+            worst = worst.max((actuator.equivalent_command() - v).abs());
+            assert!((actuator.response() - curve.steady_response(actuator.equivalent_command())).abs() < 1e-12);
         }
         assert!(worst < 2e-5, "{worst:e}");
         // Small signals see the linear rotor.

@@ -5,13 +5,13 @@ use num_complex::Complex64;
 
 use super::Memory;
 
-/// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of
-/// evenly spaced rows.
+/// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of evenly spaced
+/// rows. Derived: rows of a millisecond after 1000 s are rounded by `1e-13 / 1e-3`.
 const SAME_DURATION: f64 = 1e-10;
-/// After so many time constants nothing is left of what was before: 3e-7.
+/// After so many time constants nothing is left of what was before. Derived: 3e-7, `e^-15`.
 pub(super) const MEMORY_TIME_CONSTANTS: f64 = 15.0;
-/// Durations whose exponentials are kept: commands, their coming out of a delay, and rows taken between them cut the time in
-/// three lengths by turns.
+/// Durations whose exponentials are kept. Derived: commands, their coming out of a delay, and rows taken between them cut the time in three
+/// lengths by turns.
 const KEPT: usize = 3;
 
 /// What a signal does over a time: its value and slope at both ends. Between them it is taken as the cubic through these
@@ -142,8 +142,8 @@ impl<T: Root> Mode<T> {
     }
 }
 
-/// Terms of the series of `phi_4` beyond the first, up to 1 and up to [`SHORT`] in size: what follows is below 1e-16 of it, as
-/// `4! / 21!` and `4! SHORT^10 / 14!` are.
+/// Terms of the series of `phi_4` beyond the first, up to 1 and up to [`SHORT`] in size. Derived: what follows is below 1e-16 of it, as `4!
+/// / 21!` and `4! SHORT^10 / 14!` are.
 const TERMS: usize = 16;
 const FEW_TERMS: usize = 9;
 const SHORT: f64 = 0.2;

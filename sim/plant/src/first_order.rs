@@ -36,10 +36,9 @@ struct Decay {
     less_one: f64,
 }
 
-/// Exponents this near are the same but for rounding; what the slope leaves out is half its square.
+/// Exponents this near are the same but for rounding. Derived: what the slope leaves out is half its square, 5e-19.
 const SAME_EXPONENT: f64 = 1e-9;
-/// Up to this exponent six terms of the series are quicker, and exact: the next one is below
-/// `SHORT^6 / 5040`, 2e-16 of the sum.
+/// Up to this exponent six terms of the series are quicker, and exact. Derived: the next one is below `SHORT^6 / 5040`, 2e-16 of the sum.
 const SHORT: f64 = 0.01;
 
 impl Decay {
@@ -94,7 +93,7 @@ impl FirstOrder {
     }
 
     /// The plant of `base`, at rest at `command`.
-    pub(super) fn on(base: RotorBase, command: f64) -> Self {
+    pub(super) fn from_base(base: RotorBase, command: f64) -> Self {
         match base {
             RotorBase::Linear(point) => Self::at_rest(LagSchedule::Linear(point), command),
             // The plant that follows its own speed has no closed form, and is integrated.
@@ -205,12 +204,13 @@ impl FirstOrder {
 
     /// The command that would keep the response of the moment. On the plant that follows the level the static map has to rise
     /// for that; where the gain is 0, it is the command of the moment.
-    pub(super) fn speed(&self) -> f64 {
+    pub(super) fn equivalent_command(&self) -> f64 {
         match &self.law {
             LagSchedule::Linear(point) if point.lag.gain == 0.0 => self.command,
             LagSchedule::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
             LagSchedule::Level(curve) => {
                 let (mut low, mut high) = (-1.0, 2.0);
+                // Derived: 50 halvings of commands from -1 to 2 leave `3 / 2^50`, 3e-15.
                 for _ in 0..50 {
                     let middle = 0.5 * (low + high);
                     let below = curve.steady_response(middle) < self.response;
@@ -342,13 +342,13 @@ mod tests {
         let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
         let mut level = FirstOrder::over_range(&two, 0.3).unwrap();
         let mut linear = FirstOrder::around(&two, 0.3).unwrap();
-        assert!((level.speed() - 0.3).abs() < 1e-12 && (linear.speed() - 0.3).abs() < 1e-12);
+        assert!((level.equivalent_command() - 0.3).abs() < 1e-12 && (linear.equivalent_command() - 0.3).abs() < 1e-12);
         level.advance(0.7, 0.02);
         linear.advance(0.7, 0.02);
         let curve = OperatingCurve::new(&two).unwrap();
-        assert!((curve.steady_response(level.speed()) - level.response()).abs() < 1e-12);
+        assert!((curve.steady_response(level.equivalent_command()) - level.response()).abs() < 1e-12);
         let tau = two.at(0.3).unwrap().time_constant_s;
-        assert!((linear.speed() - 0.7 + 0.4 * (-0.02 / tau).exp()).abs() < 1e-12);
+        assert!((linear.equivalent_command() - 0.7 + 0.4 * (-0.02 / tau).exp()).abs() < 1e-12);
     }
 
     #[test]

@@ -92,7 +92,8 @@ pub(super) fn zero_order_hold(duration_s: f64, omega_rad_s: f64) -> Complex<f64>
 pub fn frames_per_pattern(ticks_per_frame: f64) -> f64 {
     let (mut before, mut q) = (0.0, 1.0);
     let mut rest = ticks_per_frame;
-    // Denominators at least double every two terms, so q^2 passes 1 / epsilon within 52.
+    // Derived: denominators at least double every two terms, so q^2 passes 1 / epsilon within 52. Chosen: beyond 1e7 frames, hours, no
+    // record sees the pattern repeat.
     for _ in 0..52 {
         let p = (ticks_per_frame * q).round();
         if (ticks_per_frame * q - p).abs() <= SAME_MOMENT_FRAMES * ticks_per_frame || q > 1e7 {

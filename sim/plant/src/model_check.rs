@@ -1,6 +1,6 @@
 //! The rules for a model's numbers, whether they come from a file or go to one.
 
-use rotorlead_records::files::{Fault, Place};
+use rotorlead_records::files::{Fault, KeyPath};
 
 use super::{Catalog, Effect, MapPolynomial, Model, Point, Provenance, StaticMap, TimeConstantBand};
 
@@ -13,7 +13,7 @@ impl Model {
     /// delays and standard errors are not below zero; effects are in the [`Catalog`] with its parameters; a static map has as many responses as
     /// commands, two or more, the commands in 0..1 and increasing; rates are above zero.
     pub fn check(&self) -> Result<(), Fault> {
-        let root = Place::root();
+        let root = KeyPath::root();
         let points = root.key("point");
         if self.points.is_empty() && self.static_map.is_none() {
             return Err(self.no_point());
@@ -54,12 +54,12 @@ impl Model {
                 "run `rotorlead identify` on an experiment: it writes a [[point]] per nominal command",
             ),
         };
-        Place::root().key("point").fault(problem, remedy)
+        KeyPath::root().key("point").fault(problem, remedy)
     }
 }
 
 impl Point {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         place.key("nominal").accept(self.nominal)?;
         place.key("gain").accept(self.gain)?;
         place.key("time_constant_s").accept(self.time_constant_s)?;
@@ -88,7 +88,7 @@ impl Point {
 }
 
 impl TimeConstantBand {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         let nominal = place.key("nominal");
         for (key, values) in
             [("time_constant_s", &self.time_constant_s), ("low_s", &self.low_s), ("high_s", &self.high_s)]
@@ -108,7 +108,7 @@ impl TimeConstantBand {
 }
 
 impl StaticMap {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         let (command, response) = (place.key("command"), place.key("response"));
         if self.command.len() < 2 {
             return Err(command
@@ -132,7 +132,7 @@ impl StaticMap {
 }
 
 impl MapPolynomial {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         let (coefficients, stds) = (place.key("coefficients"), place.key("coefficients_std"));
         if self.coefficients_std.len() != self.coefficients.len() {
             return Err(stds.fault(
@@ -164,7 +164,7 @@ impl MapPolynomial {
 }
 
 impl Effect {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         for (name, value) in &self.parameters {
             place.key("parameters").key(name).accept_any(*value)?;
         }
@@ -183,7 +183,7 @@ impl Effect {
 }
 
 impl Provenance {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         for (key, rate) in [("command_rate_hz", self.command_rate_hz), ("esc_frame_hz", self.esc_frame_hz)] {
             rate.map_or(Ok(()), |rate| place.key(key).accept(rate))?;
         }
@@ -191,7 +191,7 @@ impl Provenance {
     }
 }
 
-fn increasing(values: impl Iterator<Item = f64>, place: impl Fn(usize) -> Place) -> Result<(), Fault> {
+fn increasing(values: impl Iterator<Item = f64>, place: impl Fn(usize) -> KeyPath) -> Result<(), Fault> {
     let mut before: Option<f64> = None;
     for (index, value) in values.enumerate() {
         match before {

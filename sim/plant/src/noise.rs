@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
-use rotorlead_records::files::{Fault, Place};
+use rotorlead_records::files::{Fault, KeyPath};
 use serde::{Deserialize, Serialize};
 
 use super::PlantError;
@@ -53,7 +53,7 @@ impl Noise {
     ///
     /// # Errors
     /// A fault at the key.
-    pub fn check(&self, place: &Place) -> Result<(), Fault> {
+    pub fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         let numbers =
             [("sigma_n", Some(self.sigma_n)), ("pole", self.pole), ("hum_n", self.hum_n), ("hum_hz", self.hum_hz)];
         for (key, value) in numbers {
@@ -93,7 +93,7 @@ impl SensorNoise {
     /// # Errors
     /// What [`Noise::check`] finds.
     pub fn new(noise: Noise, seed: u64, stream: u64) -> Result<Self, PlantError> {
-        noise.check(&Place::root()).map_err(PlantError::Noise)?;
+        noise.check(&KeyPath::root()).map_err(PlantError::Noise)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
         let turn = Uniform::new(0.0, TAU).expect("0 is below a turn");
@@ -209,9 +209,9 @@ mod tests {
             (Noise { hum_n: Some(0.1), ..good }, "hum_hz"),
             (Noise { hum_n: Some(0.1), hum_hz: Some(0.0), ..good }, "hum_hz"),
         ] {
-            let fault = noise.check(&Place::root()).unwrap_err();
-            assert_eq!(fault.place, Place::root().key(parameter), "{noise:?}");
+            let fault = noise.check(&KeyPath::root()).unwrap_err();
+            assert_eq!(fault.place, KeyPath::root().key(parameter), "{noise:?}");
         }
-        assert_eq!(good.check(&Place::root()), Ok(()));
+        assert_eq!(good.check(&KeyPath::root()), Ok(()));
     }
 }

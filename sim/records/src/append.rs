@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Experiment;
 use super::manifest::{Entry, MANIFEST, Manifest, place};
 use super::write::csv_parts;
-use crate::files::{FileError, Place, TextFile, TomlFile, all_or_nothing, to_toml, write_file, write_file_parts};
+use crate::files::{FileError, KeyPath, TextFile, TomlFile, all_or_nothing, to_toml, write_file, write_file_parts};
 
 /// What is added to the text of `experiment.toml`.
 #[derive(Serialize)]
@@ -33,7 +33,7 @@ impl Experiment {
         there.check().map_err(|fault| file.show(&fault))?;
         let here = Manifest::from_experiment(self);
         let refuse = |key: &str, there: String, here: String| {
-            let fault = Place::root().key(key).fault(
+            let fault = KeyPath::root().key(key).fault(
                 format!("the experiment has {there}, and the record to be added {here}"),
                 "record as the others were recorded, or into another folder",
             );
@@ -80,7 +80,7 @@ impl Experiment {
         let path = folder.join(MANIFEST);
         let refused = |path: &Path, fault| FileError::refused(path, fault);
         if let Some(record) = self.records.iter().find(|record| folder.join(&record.file).exists()) {
-            let fault = Place::root()
+            let fault = KeyPath::root()
                 .key("record")
                 .fault("there is such a file in the experiment already", "rename the log: a record is named after it");
             return Err(refused(&folder.join(&record.file), fault));
@@ -101,14 +101,14 @@ impl Experiment {
             // A list of records in one line, `record = [...]`, cannot be added to.
             let manifest: Manifest = toml::from_str(text).map_err(|error| {
                 let help = "write each record of experiment.toml as a [[record]] of its own";
-                refused(&path, Place::root().key("record").fault(error.message().to_owned(), help))
+                refused(&path, KeyPath::root().key("record").fault(error.message().to_owned(), help))
             })?;
             manifest.check().map_err(|fault| refused(&path, fault))?;
         }
         for record in &self.records {
             self.check_columns(record, &self.needed()).map_err(|fault| refused(&folder.join(&record.file), fault))?;
             if let Some(name) = record.compensator.as_deref().filter(|name| !folder.join(name).exists()) {
-                let fault = Place::root()
+                let fault = KeyPath::root()
                     .key("record")
                     .fault("there is no such file", "give the record the name of another file");
                 return Err(refused(&folder.join(name), fault));

@@ -2,7 +2,7 @@
 
 use super::manifest::CommandKind;
 use super::{Output, Record};
-use crate::files::{Quantity, shown};
+use crate::files::{AcceptedRange, shown};
 
 /// A column of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,10 +86,10 @@ impl Column {
             _ => {}
         }
         let quantity = match (self, kind) {
-            (Self::Command, CommandKind::ForceN) => &Quantity::THRUST_N,
+            (Self::Command, CommandKind::ForceN) => &AcceptedRange::THRUST_N,
             _ => self.quantity(),
         };
-        let Quantity { least, greatest, .. } = *quantity;
+        let AcceptedRange { least, greatest, .. } = *quantity;
         if (least..=greatest).contains(&value) {
             return Ok(value);
         }
@@ -107,14 +107,14 @@ impl Column {
         })
     }
 
-    fn quantity(self) -> &'static Quantity {
+    fn quantity(self) -> &'static AcceptedRange {
         match self {
-            Self::TimeS => &Quantity::TIME_S,
-            Self::Command | Self::EscCommand => &Quantity::DUTY,
-            Self::ThrustN => &Quantity::THRUST_N,
-            Self::Rpm => &Quantity::RPM,
-            Self::VoltageV => &Quantity::VOLTAGE_V,
-            Self::CurrentA => &Quantity::CURRENT_A,
+            Self::TimeS => &AcceptedRange::TIME_S,
+            Self::Command | Self::EscCommand => &AcceptedRange::DUTY,
+            Self::ThrustN => &AcceptedRange::THRUST_N,
+            Self::Rpm => &AcceptedRange::RPM,
+            Self::VoltageV => &AcceptedRange::VOLTAGE_V,
+            Self::CurrentA => &AcceptedRange::CURRENT_A,
         }
     }
 }

@@ -8,7 +8,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::manifest::{CommandKind, Entry, Manifest};
 use super::read::{check_files, manifest_path};
 use super::{Experiment, Record};
-use crate::files::{FileError, Quantity, TomlFile};
+use crate::files::{AcceptedRange, FileError, TomlFile};
 
 /// What a folder holds, and what in it cannot be read.
 #[derive(Debug)]
@@ -74,7 +74,7 @@ impl Experiment {
             let record = index.and_then(|index| manifest.records.get(index)).map(|entry| entry.file.clone());
             unreadable.push(Unreadable::new(record, file.show(&fault)));
         }
-        let rate = |key: &str, rate: Option<f64>| rate.filter(|rate| Quantity::for_key(key).accept(*rate).is_ok());
+        let rate = |key: &str, rate: Option<f64>| rate.filter(|rate| AcceptedRange::for_key(key).accept(*rate).is_ok());
         let mut experiment = Self {
             name: manifest.name,
             output: manifest.output,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role};
-use crate::files::{Fault, FileError, Place, TextFile, TomlFile, is_plain_name};
+use crate::files::{Fault, FileError, KeyPath, TextFile, TomlFile, is_plain_name};
 
 /// The file's name in the experiment's folder.
 pub(super) const MANIFEST: &str = "experiment.toml";
@@ -62,8 +62,8 @@ pub(super) struct Entry {
 }
 
 /// `[[record]]` number `index` (from zero).
-pub(super) fn place(index: usize) -> Place {
-    Place::root().key("record").item(index)
+pub(super) fn place(index: usize) -> KeyPath {
+    KeyPath::root().key("record").item(index)
 }
 
 impl Manifest {
@@ -120,12 +120,12 @@ impl Manifest {
                 "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
             ),
         };
-        Err(Place::root().key("command").fault(message, help))
+        Err(KeyPath::root().key("command").fault(message, help))
     }
 
     /// Everything that [`Self::check`] would refuse, with the index of its record where it is one record's.
     pub(super) fn faults(&self) -> Vec<(Option<usize>, Fault)> {
-        let root = Place::root();
+        let root = KeyPath::root();
         let mut faults = Vec::new();
         for (key, rate) in [
             ("sample_rate_hz", self.sample_rate_hz),
@@ -183,7 +183,7 @@ impl Entry {
         }
     }
 
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         plain(&self.file, place.key("file"))?;
         place.key("nominal").accept(self.nominal)?;
         if let Some(period_s) = self.period_s {
@@ -211,7 +211,7 @@ impl Entry {
     }
 
     /// Whether it describes `record`, whose file it names: this is where it stands.
-    pub(super) fn check_describes(&self, record: &Record, place: &Place) -> Result<(), Fault> {
+    pub(super) fn check_describes(&self, record: &Record, place: &KeyPath) -> Result<(), Fault> {
         let period = |period_s: Option<f64>| period_s.map_or_else(|| String::from("none"), |s| format!("{s} s"));
         let is_same_period = match (self.period_s, record.period_s) {
             (Some(here), Some(there)) => (here / there - 1.0).abs() < SAME_PERIOD,
@@ -258,7 +258,7 @@ impl Entry {
     }
 }
 
-fn plain(name: &str, place: Place) -> Result<(), Fault> {
+fn plain(name: &str, place: KeyPath) -> Result<(), Fault> {
     if is_plain_name(name) {
         Ok(())
     } else {

@@ -13,7 +13,7 @@ use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Record, plain};
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
-use crate::files::{FileError, Place, TextFile, TomlFile, did_you_mean};
+use crate::files::{FileError, KeyPath, TextFile, TomlFile, did_you_mean};
 
 /// Bytes of the longest row: seven numbers with all the digits that anyone writes, quoted and with spaces.
 const LONGEST_ROW: usize = 10_000;
@@ -42,7 +42,7 @@ impl Table {
         let uneven = match record.sample_rate_hz() {
             Ok(rate_hz) => {
                 let rate_hz = short(rate_hz);
-                let fault = Place::root().key("sample_rate_hz").fault(
+                let fault = KeyPath::root().key("sample_rate_hz").fault(
                     format!("the rows of `{}` come at {rate_hz} Hz, not at {stated_hz}", record.file),
                     format!(
                         "write `sample_rate_hz = {rate_hz}`, or correct the times of the record where they are wrong"

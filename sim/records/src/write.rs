@@ -7,7 +7,7 @@ use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
 use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
 use super::{Experiment, Record};
-use crate::files::{Fault, FileError, OutputFolder, Place, to_toml};
+use crate::files::{Fault, FileError, KeyPath, OutputFolder, to_toml};
 
 /// Room for one number and its comma, bytes: the shortest text that reads back as the same number.
 const CELL: usize = 20;
@@ -94,7 +94,7 @@ impl Experiment {
     /// What reading checks of a CSV file, for the columns in memory; `needed` are there, beside the times.
     pub(super) fn check_columns(&self, record: &Record, needed: &[Column]) -> Result<(), Fault> {
         let rows = record.time_s.len();
-        let place = |column: Column| Place::root().key(column.name());
+        let place = |column: Column| KeyPath::root().key(column.name());
         if rows < LEAST_ROWS {
             return Err(place(Column::TimeS).fault(format!("too few rows: {rows}"), TOO_FEW_ROWS));
         }

@@ -17,7 +17,7 @@ use swatch::swatch;
 use crate::figure::FigureError;
 use crate::figure::interactive::{LIBRARY, LICENSE, plots};
 use crate::figure::still::still;
-use crate::markup::markup;
+use crate::markup::escape_markup;
 
 /// How the page looks, and what it does.
 const STYLE: &str = include_str!("../templates/report.css");
@@ -107,7 +107,7 @@ impl<'a> DrawnFigure<'a> {
 
 /// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
 fn words(sentence: &str) -> String {
-    let escaped = markup(sentence).replace("+-", "±");
+    let escaped = escape_markup(sentence).replace("+-", "±");
     let mut parts = escaped.split('`');
     let mut html = whole_options(parts.next().unwrap_or_default());
     while let Some(code) = parts.next() {
@@ -122,7 +122,7 @@ fn words(sentence: &str) -> String {
 
 /// A command line as HTML.
 fn command_line(command: &str) -> String {
-    whole_options(&markup(command))
+    whole_options(&escape_markup(command))
 }
 
 /// The hyphens of an option are no places to break it at.
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_within_a_sentence_are_set_as_code_and_nothing_is_markup() {
+    fn commands_within_a_sentence_are_set_as_code_and_nothing_is_escape_markup() {
         assert_eq!(words("`a < b` and `c`: 1 > 0"), "<code>a &lt; b</code> and <code>c</code>: 1 &gt; 0");
         assert_eq!(words("a ` alone & <b>"), "a ` alone &amp; &lt;b&gt;");
         assert_eq!(words("with --lead and -3 dB"), "with <span class=\"option\">--lead</span> and -3 dB");

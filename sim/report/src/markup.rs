@@ -6,15 +6,15 @@ use askama::filters::{Escaper, Html};
 use rotorlead_answer::escape::printable;
 
 /// Text of HTML or SVG that is no markup, and holds none of the characters that XML does not allow.
-pub(crate) fn markup(text: &str) -> String {
+pub(crate) fn escape_markup(text: &str) -> String {
     printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// What a template does to all that it does not call `safe`: `askama.toml` names it.
 #[derive(Clone, Copy)]
-pub(crate) struct Markup;
+pub(crate) struct HtmlEscaper;
 
-impl Escaper for Markup {
+impl Escaper for HtmlEscaper {
     fn write_escaped_str<W: Write>(&self, to: W, text: &str) -> fmt::Result {
         Html.write_escaped_str(to, &printable(text))
     }
@@ -26,9 +26,9 @@ mod tests {
 
     #[test]
     fn nothing_in_a_page_is_markup_or_an_order() {
-        assert_eq!(markup("<b>&\u{1b}\0"), "&lt;b&gt;&amp;␛␀");
+        assert_eq!(escape_markup("<b>&\u{1b}\0"), "&lt;b&gt;&amp;␛␀");
         let mut html = String::new();
-        Markup.write_escaped_str(&mut html, "\"<\u{1b}").unwrap();
+        HtmlEscaper.write_escaped_str(&mut html, "\"<\u{1b}").unwrap();
         assert_eq!(html, "&#34;&#60;␛");
     }
 }

@@ -30,7 +30,7 @@ pub fn warn_of_another_model(compensator: &CompensatorDesign, model: &Model) -> 
 /// `None` where neither is so.
 pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {
     let state = model.judgement().map(|judgement| judgement.state).filter(|state| *state >= Readiness::MeasureAgain);
-    let lost = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).count();
+    let lost = points.iter().zip(phases).filter(|(point, phase)| phase.is_dead_time_limited(point)).count();
     let of_dead_time = (lost > 0).then(|| {
         format!("For a loop around the motor dead time takes what is gained at {lost} of {} points.", points.len())
     });
@@ -39,10 +39,10 @@ pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: 
     (!said.is_empty()).then(|| said.join(" "))
 }
 
-/// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
+/// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_dead_time_limited`]), with the numbers of
 /// the point that it takes most from.
 pub(crate) fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<Finding> {
-    let lost: Vec<_> = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).collect();
+    let lost: Vec<_> = points.iter().zip(phases).filter(|(point, phase)| phase.is_dead_time_limited(point)).collect();
     let lag_deg = |(point, phase): &(&BandwidthPoint, &ChainPhase)| {
         (point.compensated.reached_rad_s() * phase.dead_time_s()).to_degrees()
     };

@@ -2,9 +2,10 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
-    Answer, Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Series, Table, Tone, Typed, Unit, Verdict, build_table,
+    Answer, Axis, CellValue, Color, ColumnSpec, Figure, FigureKind, Mark, Panel, Series, Table, Tone, Unit, Verdict,
+    build_table,
 };
-use rotorlead_assess::{Compared, Difference, Quantity};
+use rotorlead_assess::{Compared, Difference, LagParameter};
 use rotorlead_plant::{Model, TimeConstantBand};
 use rotorlead_records::Output;
 use serde_json::{Map, json};
@@ -44,17 +45,17 @@ pub fn comparison_answer(a: &Subject, b: &Subject, compared: &[Compared]) -> Ans
 }
 
 /// What a quantity is called, in a sentence and as the key of its rows.
-fn names(quantity: Quantity) -> (&'static str, &'static str) {
+fn names(quantity: LagParameter) -> (&'static str, &'static str) {
     match quantity {
-        Quantity::TimeConstant => ("time constant", "time_constants"),
-        Quantity::Gain => ("gain", "gains"),
-        Quantity::DeadTime => ("dead time", "dead_times"),
+        LagParameter::TimeConstant => ("time constant", "time_constants"),
+        LagParameter::Gain => ("gain", "gains"),
+        LagParameter::DeadTime => ("dead time", "dead_times"),
     }
 }
 
 /// A change with its unit, and its scale.
-fn change_unit(quantity: Quantity) -> (&'static str, f64) {
-    if quantity == Quantity::DeadTime { ("ms", 1e3) } else { ("%", 1e2) }
+fn change_unit(quantity: LagParameter) -> (&'static str, f64) {
+    if quantity == LagParameter::DeadTime { ("ms", 1e3) } else { ("%", 1e2) }
 }
 
 fn in_words(compared: &Compared) -> String {
@@ -92,19 +93,19 @@ fn table(compared: &Compared, output: Option<Output>) -> Table {
     let quantity = compared.quantity;
     let (name, key) = names(quantity);
     let (of_value, decimals) = match quantity {
-        Quantity::Gain => (Unit::plain(output.map_or("", unit)), 3),
-        Quantity::TimeConstant | Quantity::DeadTime => (Unit::MILLISECONDS, 1),
+        LagParameter::Gain => (Unit::plain(output.map_or("", unit)), 3),
+        LagParameter::TimeConstant | LagParameter::DeadTime => (Unit::MILLISECONDS, 1),
     };
-    let of_change = if quantity == Quantity::DeadTime { Unit::MILLISECONDS } else { Unit::PERCENT_OF_SHARE };
-    let estimate = |(value, std): (f64, Option<f64>)| Datum::Estimate(value, std);
+    let of_change = if quantity == LagParameter::DeadTime { Unit::MILLISECONDS } else { Unit::PERCENT_OF_SHARE };
+    let estimate = |(value, std): (f64, Option<f64>)| CellValue::Estimate(value, std);
     let columns = [
-        Typed::new("nominal", "u_nom", Unit::DUTY, 3, |point: &Difference| point.nominal),
-        Typed::new("a", "A", of_value, decimals, move |point: &Difference| estimate(point.a)),
-        Typed::new("b", "B", of_value, decimals, move |point: &Difference| estimate(point.b)),
-        Typed::new("change", "change", of_change, 1, |point: &Difference| point.change),
-        Typed::new("change_low", "from", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.0)),
-        Typed::new("change_high", "to", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.1)),
-        Typed::words("differs", "differs", |point: &Difference| {
+        ColumnSpec::new("nominal", "u_nom", Unit::DUTY, 3, |point: &Difference| point.nominal),
+        ColumnSpec::new("a", "A", of_value, decimals, move |point: &Difference| estimate(point.a)),
+        ColumnSpec::new("b", "B", of_value, decimals, move |point: &Difference| estimate(point.b)),
+        ColumnSpec::new("change", "change", of_change, 1, |point: &Difference| point.change),
+        ColumnSpec::new("change_low", "from", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.0)),
+        ColumnSpec::new("change_high", "to", of_change, 1, |point: &Difference| point.interval.map(|ends| ends.1)),
+        ColumnSpec::words("differs", "differs", |point: &Difference| {
             let word = match point.differs() {
                 Some(true) => "yes",
                 Some(false) => "not shown",

@@ -1,7 +1,7 @@
 //! What a diagnosis found.
 
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, build_table};
+use rotorlead_answer::{Answer, Cell, Column, ColumnSpec, Table, Tone, Unit, Verdict as Said, build_table};
 use rotorlead_assess::{AssessmentContext, assess};
 use rotorlead_diagnose::{
     Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
@@ -92,7 +92,7 @@ pub fn diagnosed_model(experiment: &Experiment, given: Option<&Model>, found: &D
     };
     let provenance = match given {
         Some(model) => of_given(model),
-        None => IdentifyResult::beside(experiment, &IdentifyOptions::default(), Some(found))
+        None => IdentifyResult::given_diagnosis(experiment, &IdentifyOptions::default(), Some(found))
             .ok()
             .and_then(|identified| identified.identification.model.provenance),
     };
@@ -185,12 +185,12 @@ fn gap_table(found: &Diagnosis) -> Table {
         rows.push(("all steps, which are fitted", [Some(before), Some(after), None]));
     }
     let percent = |key, heading: &str, place: usize| {
-        Typed::new(key, heading, Unit::PERCENT, 2, move |(_, gaps): &(&'static str, [Option<f64>; 3])| {
+        ColumnSpec::new(key, heading, Unit::PERCENT, 2, move |(_, gaps): &(&'static str, [Option<f64>; 3])| {
             gaps[place].map(|gap| 100.0 * gap)
         })
     };
     let columns = [
-        Typed::words("on", "on", |(on, _): &(&'static str, _)| *on),
+        ColumnSpec::words("on", "on", |(on, _): &(&'static str, _)| *on),
         percent("before_percent", "before", 0),
         percent("after_percent", "after", 1),
         percent("noise_percent", "noise", 2),
@@ -224,13 +224,14 @@ fn excess_table(found: &Diagnosis) -> Table {
     let rows = axes.into_iter().filter_map(|axis| {
         let mut parts: Vec<&Location> = found.locations.iter().filter(|part| part.axis == axis).collect();
         parts.sort_by(|a, b| b.share.total_cmp(&a.share));
+        // Chosen: three parts fit a line, and a part under 1 % is none to look at; more hide the largest.
         let shown = parts.iter().take(3).filter(|part| part.share >= 0.01).map(|part| place(part));
         let shown = shown.collect::<Vec<_>>().join(", ");
         (!shown.is_empty()).then_some((axis, shown))
     });
     let columns = [
-        Typed::words("axis", "axis", |(axis, _): &(Axis, String)| axis.name()),
-        Typed::words("parts", "largest parts", |(_, parts): &(Axis, String)| parts.clone()),
+        ColumnSpec::words("axis", "axis", |(axis, _): &(Axis, String)| axis.name()),
+        ColumnSpec::words("parts", "largest parts", |(_, parts): &(Axis, String)| parts.clone()),
     ];
     let caption = "Where the excess chi-square of the first model lies, in percent";
     build_table("excess", caption, &columns, &rows.collect::<Vec<_>>())
@@ -312,8 +313,8 @@ fn effect_table(effect: &NamedEffect) -> Table {
 fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
     type Row = (&'static Parameter, Estimate);
     let columns = [
-        Typed::words("parameter", "parameter", |(parameter, _): &Row| parameter.name),
-        Typed::words("value", "value", |(parameter, estimate): &Row| {
+        ColumnSpec::words("parameter", "parameter", |(parameter, _): &Row| parameter.name),
+        ColumnSpec::words("value", "value", |(parameter, estimate): &Row| {
             parameter_with_std(parameter, estimate).replace("+-", "±")
         }),
     ];
@@ -346,14 +347,18 @@ fn lags(found: &Diagnosis) -> Table {
 
 fn effects(effects: &[NamedEffect]) -> Table {
     let columns = [
-        Typed::words("kind", "effect", |effect: &NamedEffect| effect.kind.id),
-        Typed::words("title", "what it is", |effect: &NamedEffect| effect.kind.title),
-        Typed::new("gap_without_percent", "gap without", Unit::PERCENT, 2, |effect: &NamedEffect| {
+        ColumnSpec::words("kind", "effect", |effect: &NamedEffect| effect.kind.id),
+        ColumnSpec::words("title", "what it is", |effect: &NamedEffect| effect.kind.title),
+        ColumnSpec::new("gap_without_percent", "gap without", Unit::PERCENT, 2, |effect: &NamedEffect| {
             100.0 * effect.gap_before
         }),
-        Typed::new("gap_with_percent", "gap with", Unit::PERCENT, 2, |effect: &NamedEffect| 100.0 * effect.gap_after),
-        Typed::new("evidence", "evidence", Unit::plain("log likelihood"), 0, |effect: &NamedEffect| effect.evidence),
-        Typed::words("alternatives", "cannot be distinguished from", |effect: &NamedEffect| {
+        ColumnSpec::new("gap_with_percent", "gap with", Unit::PERCENT, 2, |effect: &NamedEffect| {
+            100.0 * effect.gap_after
+        }),
+        ColumnSpec::new("evidence", "evidence", Unit::plain("log likelihood"), 0, |effect: &NamedEffect| {
+            effect.evidence
+        }),
+        ColumnSpec::words("alternatives", "cannot be distinguished from", |effect: &NamedEffect| {
             if effect.alternatives.is_empty() { "-".to_owned() } else { named(&effect.alternatives) }
         }),
     ];
@@ -367,12 +372,14 @@ fn named(kinds: &[&Kind]) -> String {
 /// What became of each kind that was tried on logs, and why.
 fn decisions(decisions: &[Decision]) -> Table {
     let columns = [
-        Typed::words("kind", "kind", |decision: &Decision| decision.kind.id),
-        Typed::words("beside", "beside", |decision: &Decision| named(&decision.beside)),
-        Typed::new("fitted_gain", "on training steps", Unit::NONE, 1, |decision: &Decision| decision.fitted_gain),
-        Typed::new("held_out_gain", "on held-out steps", Unit::NONE, 1, |decision: &Decision| decision.held_out_gain),
-        Typed::new("score", "score", Unit::NONE, 1, |decision: &Decision| decision.score),
-        Typed::words("outcome", "outcome", Decision::outcome),
+        ColumnSpec::words("kind", "kind", |decision: &Decision| decision.kind.id),
+        ColumnSpec::words("beside", "beside", |decision: &Decision| named(&decision.beside)),
+        ColumnSpec::new("fitted_gain", "on training steps", Unit::NONE, 1, |decision: &Decision| decision.fitted_gain),
+        ColumnSpec::new("held_out_gain", "on held-out steps", Unit::NONE, 1, |decision: &Decision| {
+            decision.held_out_gain
+        }),
+        ColumnSpec::new("score", "score", Unit::NONE, 1, |decision: &Decision| decision.score),
+        ColumnSpec::words("outcome", "outcome", Decision::outcome),
     ];
     let caption = format!("Kinds tried in turn on steps: log likelihood gained, and what became of each; {SCORE}");
     build_table("decisions", caption, &columns, decisions)
@@ -380,10 +387,12 @@ fn decisions(decisions: &[Decision]) -> Table {
 
 fn tried(tried: &[TriedKind]) -> Table {
     let finite = |key, heading: &str, get: fn(&TriedKind) -> Option<f64>| {
-        Typed::new(key, heading, Unit::NONE, 1, move |tried: &TriedKind| get(tried).filter(|gain| gain.is_finite()))
+        ColumnSpec::new(key, heading, Unit::NONE, 1, move |tried: &TriedKind| {
+            get(tried).filter(|gain| gain.is_finite())
+        })
     };
     let columns = [
-        Typed::words("kind", "kind", |tried: &TriedKind| tried.kind.id),
+        ColumnSpec::words("kind", "kind", |tried: &TriedKind| tried.kind.id),
         finite("score", "score", |tried| Some(tried.score)),
         finite("fitted_gain", "on what was fitted", |tried| Some(tried.fitted_gain)),
         finite("held_out_gain", "on what was held out", |tried| tried.held_out_gain),

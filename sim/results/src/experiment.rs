@@ -6,7 +6,8 @@ use rotorlead_records::{Excitation, Experiment, Record, Role};
 use crate::figures::excitation::{crest_factor, excitation_figure};
 use crate::unit::quantity;
 
-/// Pieces of which a curve is drawn.
+/// Pieces of which a curve is drawn. Chosen: a figure is 900 pixels wide, so that each piece has about one; fewer show corners, more make
+/// the file large.
 const MOST: usize = 750;
 
 /// Facts about the records that a run rests on.

@@ -1,6 +1,6 @@
 //! Many logs side by side.
 
-use rotorlead_answer::{Answer, Table, Tone, Typed, Unit, Verdict, build_table};
+use rotorlead_answer::{Answer, ColumnSpec, Table, Tone, Unit, Verdict, build_table};
 use rotorlead_assess::fleet::{Comparison, LogFileDeviation, MotorDeviation, relative_change};
 use rotorlead_records::Output;
 use serde_json::{Value, json};
@@ -181,9 +181,11 @@ fn verdict(motors: &[Motor], logs: &[RankedLog]) -> Verdict {
 /// What is usual at each command, of models of this response.
 fn usual_table(levels: &[UsualLevel], output: Option<Output>) -> Table {
     let columns = [
-        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |level: &UsualLevel| level.nominal),
-        Typed::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &UsualLevel| 1e3 * level.time_constant_s),
-        Typed::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &UsualLevel| level.gain),
+        ColumnSpec::new("u_nom", "u_nom", Unit::DUTY, 3, |level: &UsualLevel| level.nominal),
+        ColumnSpec::new("time_constant_ms", "tau", Unit::plain("ms"), 1, |level: &UsualLevel| {
+            1e3 * level.time_constant_s
+        }),
+        ColumnSpec::new("gain", "gain", Unit::plain(output.map_or("", unit)), 2, |level: &UsualLevel| level.gain),
     ];
     build_table("fleet_usual", "What is usual: medians of all logs", &columns, levels)
 }
@@ -192,16 +194,16 @@ fn usual_table(levels: &[UsualLevel], output: Option<Output>) -> Table {
 fn motors_table(motors: &[Motor]) -> Table {
     let of_quantity = |place: usize, heading: &str, [share, score, drift, low, high]: [&'static str; 5]| {
         let per_month = move |key, heading: String, unit, end: fn([f64; 3]) -> f64| {
-            Typed::new(key, heading, unit, 1, move |motor: &Motor| {
+            ColumnSpec::new(key, heading, unit, 1, move |motor: &Motor| {
                 let drift = motor.found[place].and_then(|found| found.drift.as_ref());
                 drift.map(|drift| 100.0 * end([drift.interval[0], drift.per_month, drift.interval[1]]))
             })
         };
         [
-            Typed::new(share, heading, Unit::PERCENT, 1, move |motor: &Motor| {
+            ColumnSpec::new(share, heading, Unit::PERCENT, 1, move |motor: &Motor| {
                 motor.found[place].map(|found| percent(found.deviation))
             }),
-            Typed::new(score, "score", Unit::NONE, 1, move |motor: &Motor| {
+            ColumnSpec::new(score, "score", Unit::NONE, 1, move |motor: &Motor| {
                 motor.found[place].and_then(|found| found.score)
             }),
             per_month(drift, format!("{heading} drift"), Unit::plain("%/month"), |[_, drift, _]| drift),
@@ -213,34 +215,36 @@ fn motors_table(motors: &[Motor]) -> Table {
         ["time_constant_percent", "time_constant_score", "drift_percent_per_month", "drift_low", "drift_high"];
     let gain = ["gain_percent", "gain_score", "gain_drift_percent_per_month", "gain_drift_low", "gain_drift_high"];
     let mut columns = vec![
-        Typed::words("motor", "motor", |motor: &Motor| motor.name.to_owned()),
-        Typed::new("logs", "logs", Unit::NONE, 0, |motor: &Motor| motor.found[0].map(|found| found.logs as f64)),
+        ColumnSpec::words("motor", "motor", |motor: &Motor| motor.name.to_owned()),
+        ColumnSpec::new("logs", "logs", Unit::NONE, 0, |motor: &Motor| motor.found[0].map(|found| found.logs as f64)),
     ];
     columns.extend(of_quantity(0, "tau", time_constant));
     columns.extend(of_quantity(1, "gain", gain));
-    columns.push(Typed::words("note", "", Motor::note));
+    columns.push(ColumnSpec::words("note", "", Motor::note));
     build_table("fleet_motors", "Motors: how far from the usual, and how they change", &columns, motors)
 }
 
 /// Each log against the others of its motor.
 fn logs_table(name: &str, which: &str, logs: &[RankedLog]) -> Table {
     let share = |key, heading: &str, place: usize| {
-        Typed::new(key, heading, Unit::PERCENT, 1, move |log: &RankedLog| {
+        ColumnSpec::new(key, heading, Unit::PERCENT, 1, move |log: &RankedLog| {
             log.found[place].map(|found| percent(found.deviation))
         })
     };
     let score = |key, place: usize| {
-        Typed::new(key, "score", Unit::NONE, 1, move |log: &RankedLog| log.found[place].and_then(|found| found.score))
+        ColumnSpec::new(key, "score", Unit::NONE, 1, move |log: &RankedLog| {
+            log.found[place].and_then(|found| found.score)
+        })
     };
     let columns = [
-        Typed::words("log", "log", |log: &RankedLog| log.row.log.clone()),
-        Typed::words("motor", "motor", |log: &RankedLog| log.row.motor.clone()),
-        Typed::words("date", "date", |log: &RankedLog| log.row.date.clone()),
+        ColumnSpec::words("log", "log", |log: &RankedLog| log.row.log.clone()),
+        ColumnSpec::words("motor", "motor", |log: &RankedLog| log.row.motor.clone()),
+        ColumnSpec::words("date", "date", |log: &RankedLog| log.row.date.clone()),
         share("time_constant_percent", "tau", 0),
         score("time_constant_score", 0),
         share("gain_percent", "gain", 1),
         score("gain_score", 1),
-        Typed::words("note", "", RankedLog::note),
+        ColumnSpec::words("note", "", RankedLog::note),
     ];
     let caption = format!("{which}: how far from the usual, with the score against the motor's other logs");
     build_table(name, caption, &columns, logs)

@@ -2,11 +2,11 @@
 
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{
-    Axis, Color, Datum, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Typed, Unit, Verdict,
+    Axis, CellValue, Color, ColumnSpec, Figure, FigureKind, Mark, Panel, Section, Series, Table, Tone, Unit, Verdict,
     build_table,
 };
 use rotorlead_plant::{Judgement, Readiness};
-use rotorlead_vehicle::{ActuatorKind, Candidate, Purpose, Recommendation};
+use rotorlead_vehicle::{Candidate, MotorControlKind, Purpose, Recommendation};
 use serde::Serialize;
 
 use super::figures::bode::{Curve, bode};
@@ -49,7 +49,7 @@ pub fn tone(state: Readiness) -> Tone {
 #[must_use]
 pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
     let Recommendation { force, rate_loop, .. } = recommendation;
-    if force == rate_loop && force.actuator == ActuatorKind::None {
+    if force == rate_loop && force.actuator == MotorControlKind::None {
         return vec![format!("to fly: nothing, as {}", force.why)];
     }
     let of = |purpose: Purpose| {
@@ -64,7 +64,7 @@ pub fn to_fly(recommendation: &Recommendation) -> Vec<String> {
 pub fn to_fly_in_short(recommendation: &Recommendation) -> String {
     let of = |purpose: Purpose| {
         let actuator = match recommendation.choice(purpose).actuator {
-            ActuatorKind::None => "nothing".to_owned(),
+            MotorControlKind::None => "nothing".to_owned(),
             actuator => actuator.name(),
         };
         format!("{actuator} for {}", purpose.words())
@@ -77,7 +77,7 @@ pub fn to_fly_in_short(recommendation: &Recommendation) -> String {
 pub fn recommendation_table(found: &Recommendation) -> Table {
     let ratios = |one: &Candidate| one.rate_loop.ratios(&found.candidates.first()?.rate_loop);
     let rise = |one: &Candidate| match one.rise_s.map(|rise_s| 1e3 * rise_s) {
-        Some(rise_ms) if one.is_limited => Datum::Shown(rise_ms, format!("{rise_ms:.0}, limited")),
+        Some(rise_ms) if one.is_limited => CellValue::Shown(rise_ms, format!("{rise_ms:.0}, limited")),
         rise_ms => rise_ms.into(),
     };
     let recommended_for = |one: &Candidate| {
@@ -88,19 +88,19 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
     const NONE: Unit = Unit::plain("");
     const RAD_S: Unit = Unit::plain("rad/s");
     let columns = [
-        Typed::new("actuator", "actuator", NONE, 0, |one: &Candidate| one.actuator.name()),
-        Typed::new("bandwidth_rad_s", "bandwidth", RAD_S, 1, |one: &Candidate| one.bandwidth_rad_s),
-        Typed::new("minus_90_rad_s", "-90 deg", RAD_S, 1, |one: &Candidate| one.minus_90_rad_s),
-        Typed::new("rise_ms", "5 % step rises", Unit::plain("ms"), 0, rise),
-        Typed::new("rate_loop_bandwidth_over_none", "loop over none", NONE, 2, |one: &Candidate| {
+        ColumnSpec::new("actuator", "actuator", NONE, 0, |one: &Candidate| one.actuator.name()),
+        ColumnSpec::new("bandwidth_rad_s", "bandwidth", RAD_S, 1, |one: &Candidate| one.bandwidth_rad_s),
+        ColumnSpec::new("minus_90_rad_s", "-90 deg", RAD_S, 1, |one: &Candidate| one.minus_90_rad_s),
+        ColumnSpec::new("rise_ms", "5 % step rises", Unit::plain("ms"), 0, rise),
+        ColumnSpec::new("rate_loop_bandwidth_over_none", "loop over none", NONE, 2, |one: &Candidate| {
             ratios(one).map(|ratios| ratios.bandwidth)
         }),
-        Typed::new("gust_over_none", "gust over none", NONE, 2, |one: &Candidate| {
+        ColumnSpec::new("gust_over_none", "gust over none", NONE, 2, |one: &Candidate| {
             ratios(one).map(|ratios| ratios.disturbance_peak)
         }),
-        Typed::new("noise_gain", "noise gain", NONE, 1, |one: &Candidate| one.noise_gain),
-        Typed::new("step_peak", "largest step", NONE, 1, |one: &Candidate| one.step_peak),
-        Typed::new("recommended_for", "for", NONE, 0, recommended_for),
+        ColumnSpec::new("noise_gain", "noise gain", NONE, 1, |one: &Candidate| one.noise_gain),
+        ColumnSpec::new("step_peak", "largest step", NONE, 1, |one: &Candidate| one.step_peak),
+        ColumnSpec::new("recommended_for", "for", NONE, 0, recommended_for),
     ];
     let caption = "What may stand before the ESC, at the slowest operating point: what it gains, and what it costs";
     let refused = found.refused.iter().map(|one| format!("there is no {}: {}", one.actuator.name(), one.reason));
@@ -149,16 +149,16 @@ pub fn flight_section(found: &Recommendation) -> Section {
 
 /// The bare motor, the lead and an inverse: the recommended one, or the first; each kind has its color.
 fn drawn(found: &Recommendation) -> impl Iterator<Item = (Color, &Candidate)> {
-    let of = |is: fn(ActuatorKind) -> bool| {
+    let of = |is: fn(MotorControlKind) -> bool| {
         let is_recommended =
             |one: &&Candidate| [&found.force, &found.rate_loop].iter().any(|choice| choice.actuator == one.actuator);
         let all = || found.candidates.iter().filter(move |one| is(one.actuator));
         all().find(is_recommended).or_else(|| all().next())
     };
     [
-        (Color::Gray, of(|kind| kind == ActuatorKind::None)),
-        (Color::Vermilion, of(|kind| kind == ActuatorKind::Lead)),
-        (Color::Blue, of(|kind| matches!(kind, ActuatorKind::Inverse { .. }))),
+        (Color::Gray, of(|kind| kind == MotorControlKind::None)),
+        (Color::Vermilion, of(|kind| kind == MotorControlKind::Lead)),
+        (Color::Blue, of(|kind| matches!(kind, MotorControlKind::Inverse { .. }))),
     ]
     .into_iter()
     .filter_map(|(color, one)| Some((color, one?)))

@@ -1,7 +1,7 @@
 //! A compensator that was designed again, for the model with what was missing in it.
 
 use miette::Diagnostic as _;
-use rotorlead_answer::{Answer, Cell, Column, Table, Tone, Typed, Unit, Verdict as Said, build_table};
+use rotorlead_answer::{Answer, Cell, Column, ColumnSpec, Table, Tone, Unit, Verdict as Said, build_table};
 use rotorlead_design::redesign::{Compensated, Limit, Redesign, RedesignError, RedesignPoint};
 use rotorlead_diagnose::{Diagnosis, Verdict};
 use rotorlead_plant::effect::{saturation, slew_limit};
@@ -167,13 +167,13 @@ fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
 fn limits<'a>(points: &'a [RedesignPoint]) -> Option<Table> {
     type Row<'a> = (f64, &'a Limit);
     let number = |key, heading: &str, unit, decimals, get: fn(&Limit) -> Option<f64>| {
-        Typed::new(key, heading, unit, decimals, move |(_, limit): &Row| get(limit))
+        ColumnSpec::new(key, heading, unit, decimals, move |(_, limit): &Row| get(limit))
     };
     let columns = [
-        Typed::new("u_nom", "u_nom", Unit::DUTY, 3, |(nominal, _): &Row| *nominal),
-        Typed::words("kind", "limit", |(_, limit): &Row| limit.kind.id),
+        ColumnSpec::new("u_nom", "u_nom", Unit::DUTY, 3, |(nominal, _): &Row| *nominal),
+        ColumnSpec::words("kind", "limit", |(_, limit): &Row| limit.kind.id),
         number("most", "most that is followed", Unit::NONE, 3, |limit| Some(limit.most)),
-        Typed::words(
+        ColumnSpec::words(
             "unit",
             "unit",
             |(_, limit): &Row| if limit.kind.id == slew_limit::ID { "duty/s" } else { "duty" },

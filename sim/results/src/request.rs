@@ -6,7 +6,7 @@ use rotorlead_design::redesign::KindOptions;
 use rotorlead_design::{CompensatorError, DesignOptions, InverseOptions, Setting, design};
 use rotorlead_plant::{Judgement, Model, PlantError};
 use rotorlead_records::Finding;
-use rotorlead_vehicle::{ActuatorKind, Asked, Choice, Purpose, Recommendation, VehicleError, recommend};
+use rotorlead_vehicle::{Asked, Choice, MotorControlKind, Purpose, Recommendation, VehicleError, recommend};
 use thiserror::Error;
 
 /// What is asked of a design. What is not given is the default of the kind.
@@ -171,13 +171,13 @@ impl DesignRequest {
         let recommendation = known.map_or_else(found, Ok)?;
         let choice = recommendation.choice(purpose);
         let chosen = match choice.actuator {
-            ActuatorKind::Lead => self.choose(Kind::Lead, model),
-            ActuatorKind::Inverse { omega_f_rad_s } => {
+            MotorControlKind::Lead => self.choose(Kind::Lead, model),
+            MotorControlKind::Inverse { omega_f_rad_s } => {
                 Self { natural_rad_s: Some(omega_f_rad_s), ..*self }.choose(Kind::Inverse, model)
             }
-            ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => {
+            MotorControlKind::None | MotorControlKind::SpeedFeedback { .. } => {
                 let other = match recommendation.choice(purpose.other()) {
-                    Choice { actuator: ActuatorKind::None, .. } => "leave the motor as it is".to_owned(),
+                    Choice { actuator: MotorControlKind::None, .. } => "leave the motor as it is".to_owned(),
                     other => format!("for {}, {} is", purpose.other().words(), other.actuator.name()),
                 };
                 let why = choice.why.clone();

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::Diagnostic as _;
 use rotorlead_plant::bench::Plan;
 use rotorlead_plant::{CompensatorDesign, Model};
-use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile};
+use rotorlead_records::files::{Fault, FileError, KeyPath, TextFile, TomlFile};
 use rotorlead_records::{Excitation, Experiment};
 use serde_json::{Value, json};
 
@@ -26,7 +26,7 @@ pub fn read_plan(
         (None, Some(name)) => {
             let path = folder.join(name);
             if !path.is_file() {
-                let fault = Place::root().key("compensator").fault(
+                let fault = KeyPath::root().key("compensator").fault(
                     format!("`{}` does not exist", path.display()),
                     "correct the name, which begins in the plan's folder, or put the file there",
                 );
@@ -47,7 +47,7 @@ fn check_nominals(plan: &Plan, model: &Model) -> Result<(), Fault> {
             && let Err(error) = model.at(record.nominal)
         {
             let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            let place = Place::root().key("record").item(index).key("nominal");
+            let place = KeyPath::root().key("record").item(index).key("nominal");
             return Err(place.fault(error.to_string(), help));
         }
     }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use rotorlead_answer::{Answer, Cell, Column, Figure, Table};
-use rotorlead_assess::{LEVEL, SMALLEST_ERROR_PERCENT, wrong};
+use rotorlead_assess::{SIGNIFICANCE, SMALLEST_ERROR_PERCENT, records_with_model_error};
 use rotorlead_identify::validate::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
@@ -17,21 +17,21 @@ use crate::figures::{etfe, time_response};
 use crate::object;
 use crate::recommendation::{JudgementValues, judged_verdict};
 
-/// Probability that the bands of a figure hold the truth, at each line.
+/// Probability that the bands of a figure hold the truth, at each line. Standard: 95 %, as of every interval that is printed.
 const BAND: f64 = 0.95;
 
 /// What the records say of the model, in sentences: which were held out, and whether it leaves more than noise.
 #[must_use]
 pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
     let mut said = vec![held_out(records)];
-    let Some(wrong) = wrong(records) else {
+    let Some(wrong) = records_with_model_error(records) else {
         said.push("No record shows its noise: whether the model leaves more than that cannot be said.".to_owned());
         return said;
     };
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
     let silent = records.len() - judged.len();
     let least = judged.iter().filter_map(|record| record.residual_power).map(|left| left.p_value).fold(1.0, f64::min);
-    if wrong.is_empty() && least * (judged.len() as f64) < LEVEL {
+    if wrong.is_empty() && least * (judged.len() as f64) < SIGNIFICANCE {
         said.push(format!(
             "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the response: about what a \
              good fit leaves.",
@@ -48,7 +48,7 @@ pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
         said.push(format!(
             "The model leaves more than noise on {} (level {:.0} % over all):",
             counted(wrong.len(), judged.len()),
-            100.0 * LEVEL
+            100.0 * SIGNIFICANCE
         ));
         for record in wrong {
             let (Some(left), Some(error)) = (record.residual_power, record.model_error_percent()) else { continue };
@@ -116,6 +116,7 @@ fn held_out(records: &[RecordValidation]) -> String {
 }
 
 fn equals(p_value: f64) -> String {
+    // Chosen: two digits of an exponent; what is less likely says no more.
     if p_value < 1e-99 { probability(p_value) } else { format!("= {}", probability(p_value)) }
 }
 

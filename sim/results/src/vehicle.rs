@@ -1,9 +1,9 @@
 //! Actuators compared in a vehicle.
 
-use rotorlead_answer::{Answer, Datum, Table, Tone, Typed, Unit, Verdict, build_table};
+use rotorlead_answer::{Answer, CellValue, ColumnSpec, Table, Tone, Unit, Verdict, build_table};
 use rotorlead_plant::Model;
 use rotorlead_vehicle::{
-    ActuatorKind, Airframe, AtLatency, Benefit, ForceRow, Performance, Ratios, Row, Study, TuningRule, findings,
+    Airframe, AtLatency, Benefit, ForceRow, MotorControlKind, Performance, Ratios, Row, Study, TuningRule, findings,
     headline,
 };
 use serde_json::{Value, json};
@@ -73,8 +73,8 @@ fn rule_said(rule: &TuningRule, airframe: &Airframe) -> String {
 }
 
 /// The column of the actuators' names.
-fn actuator<'a, R: 'a>(get: fn(&R) -> ActuatorKind) -> Typed<'a, R> {
-    Typed::words("actuator", "actuator", move |row: &R| get(row).name())
+fn actuator<'a, R: 'a>(get: fn(&R) -> MotorControlKind) -> ColumnSpec<'a, R> {
+    ColumnSpec::words("actuator", "actuator", move |row: &R| get(row).name())
 }
 
 /// A column of what gain sets reach.
@@ -84,8 +84,8 @@ fn reached<'a>(
     unit: Unit,
     decimals: usize,
     get: fn(&Performance) -> Option<f64>,
-) -> Typed<'a, Row> {
-    Typed::new(key, heading, unit, decimals, move |row: &Row| row.performance.as_ref().and_then(get))
+) -> ColumnSpec<'a, Row> {
+    ColumnSpec::new(key, heading, unit, decimals, move |row: &Row| row.performance.as_ref().and_then(get))
 }
 
 /// One row per actuator at the latency `index`: tuned at hover, or one gain set for the range.
@@ -100,7 +100,7 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
         ("hover", format!("tuned for {:.2} alone", airframe.hover.command))
     };
     let over_none = |key, get: fn(Ratios) -> Option<f64>| {
-        Typed::new(key, "over none", Unit::NONE, 2, move |row: &Row| row.ratios(bare).and_then(get))
+        ColumnSpec::new(key, "over none", Unit::NONE, 2, move |row: &Row| row.ratios(bare).and_then(get))
     };
     let worth = |row: &Row| match row.benefit(bare) {
         _ if row.performance.is_none() => "no gains",
@@ -115,7 +115,7 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
         over_none("disturbance_peak_over_none", |ratios| Some(ratios.disturbance_peak)),
         reached("settling_ms", "settling", MILLISECONDS, 0, |own| Some(1e3 * own.settling_s?)),
         over_none("settling_over_none", |ratios| ratios.settling),
-        Typed::words("verdict", "than none", worth),
+        ColumnSpec::words("verdict", "than none", worth),
     ];
     let caption = format!(
         "Roll axis, latency {}, {tuned}: the angle's peak after {} N m",
@@ -129,8 +129,8 @@ fn roll_table(study: &Study, airframe: &Airframe, index: usize, is_range: bool) 
 fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     let (at, first) = (&study.latencies[index], &study.latencies[0]);
     let sensitivity = |row: &Row| match at.kept_gains.iter().find(|kept| kept.actuator == row.actuator) {
-        None => Datum::Unknown("-".into()),
-        Some(kept) => kept.max_sensitivity.map_or_else(|| Datum::Words("unstable".to_owned()), Datum::Number),
+        None => CellValue::Unknown("-".into()),
+        Some(kept) => kept.max_sensitivity.map_or_else(|| CellValue::Words("unstable".to_owned()), CellValue::Number),
     };
     let mut caption = format!(
         "Latency {}, {:.2} alone: without a D term (- where no gains keep the margins)",
@@ -147,7 +147,7 @@ fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
     // At the first latency these are the gains that were tuned for it.
     if index > 0 {
         let heading = "sensitivity with those gains";
-        columns.push(Typed::new("kept_gains_max_sensitivity", heading, Unit::NONE, 2, sensitivity));
+        columns.push(ColumnSpec::new("kept_gains_max_sensitivity", heading, Unit::NONE, 2, sensitivity));
         caption += &format!(", and the largest sensitivity with the gains for {}", milliseconds(first));
     }
     build_table(&format!("vehicle_without_d_latency_{}", index + 1), caption, &columns, &at.without_d)
@@ -155,18 +155,18 @@ fn other_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
 
 /// The gain sets at the latency `index`, with what they keep.
 fn gains_table(study: &Study, airframe: &Airframe, index: usize) -> Table {
-    type Set<'a> = (&'static str, ActuatorKind, &'a Performance);
+    type Set<'a> = (&'static str, MotorControlKind, &'a Performance);
     let at = &study.latencies[index];
     let sets = [("hover", &at.hover), ("range", &at.range), ("hover, no D", &at.without_d)];
     let sets = sets.into_iter().flat_map(|(name, rows)| {
         rows.iter().filter_map(move |row| Some((name, row.actuator, row.performance.as_ref()?)))
     });
     let number = |key, heading: &str, unit, decimals, get: fn(&Performance) -> f64| {
-        Typed::new(key, heading, unit, decimals, move |(_, _, own): &Set| get(own))
+        ColumnSpec::new(key, heading, unit, decimals, move |(_, _, own): &Set| get(own))
     };
     let columns = [
         actuator(|(_, actuator, _): &Set| *actuator),
-        Typed::words("tuned_for", "tuned for", |(name, ..): &Set| *name),
+        ColumnSpec::words("tuned_for", "tuned for", |(name, ..): &Set| *name),
         number("rate_p_1_s", "rate P", Unit::plain("1/s"), 1, |own| own.gains.rate_p_1_s),
         number("derivative_time_ms", "Td", MILLISECONDS, 2, |own| 1e3 * own.gains.derivative_time_s),
         number("attitude_p_1_s", "attitude P", Unit::plain("1/s"), 2, |own| own.gains.attitude_p_1_s),
@@ -186,16 +186,16 @@ fn force_table(study: &Study, airframe: &Airframe) -> Option<Table> {
     let (lateral, bare) = (airframe.lateral?, study.lateral.first()?.performance);
     let columns = [
         actuator(|row: &ForceRow| row.actuator),
-        Typed::new("rise_ms", "rise", MILLISECONDS, 1, |row: &ForceRow| {
+        ColumnSpec::new("rise_ms", "rise", MILLISECONDS, 1, |row: &ForceRow| {
             row.performance.rise_s.map(|rise_s| 1e3 * rise_s)
         }),
-        Typed::new("rise_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
+        ColumnSpec::new("rise_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
             row.performance.rise_s.zip(bare.rise_s).map(|(own, bare)| own / bare)
         }),
-        Typed::new("tracking_error_percent", "tracking error", Unit::PERCENT, 1, |row: &ForceRow| {
+        ColumnSpec::new("tracking_error_percent", "tracking error", Unit::PERCENT, 1, |row: &ForceRow| {
             100.0 * row.performance.tracking_error
         }),
-        Typed::new("tracking_error_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
+        ColumnSpec::new("tracking_error_over_none", "over none", Unit::NONE, 2, |row: &ForceRow| {
             row.performance.tracking_error / bare.tracking_error
         }),
     ];

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rotorlead_records::files::{Fault, FileError, Place, TomlFile};
+use rotorlead_records::files::{Fault, FileError, KeyPath, TomlFile};
 use serde::{Deserialize, Serialize};
 
 use crate::TICK_HZ;
@@ -107,6 +107,8 @@ pub struct Lateral {
 
 impl Default for Actuators {
     fn default() -> Self {
+        // Standard: 94 rad/s, 15 Hz, is the paper's. Chosen: 150 and 200 are 1.6 and 2.1 times as fast, up to where steps of 5 % meet the
+        // limits of the command; below 0.05 sensorless motors hardly keep turning.
         Self { inverse_rad_s: vec![94.0, 150.0, 200.0], speed_loop_rad_s: 94.0, min: 0.05, max: 1.0 }
     }
 }
@@ -116,18 +118,25 @@ impl Default for Airframe {
     fn default() -> Self {
         Self {
             format: 1,
+            // Derived: an arm of 225 mm at 45 degrees is `0.225 sqrt(0.5)` from the axis. Chosen: four motors of 0.1 kg there have 0.010 kg
+            // m2, the body has the rest; 0.3 N m takes 0.9 N between the two sides; a larger step than 1 degree meets limits sooner.
             roll: Roll { inertia_kg_m2: 0.0125, arm_m: 0.159, motors: 4, disturbance_n_m: 0.3, step_deg: 1.0 },
             controller: Controller {
                 rate_hz: 1000.0,
+                // Chosen: both low-passes lag 2.5 ms, about the shorter latency; lower ones cost phase, higher ones pass noise. The corner
+                // of 0.3 s, 3.3 rad/s, is far below any bandwidth here. The noise is ten times that of a gyro at rest (`docs/vehicle.md`).
                 gyro_low_pass_hz: 90.0,
                 d_low_pass_hz: 60.0,
                 integral_time_s: 0.3,
                 latency_s: vec![0.002, 0.012],
                 gyro_noise_deg_s_sqrt_hz: 0.05,
             },
+            // Derived: from the first to the last operating point of the paper's Table 1, and one near the middle.
             hover: Hover { command: 0.50, range: [0.40, 0.65] },
             actuators: Actuators::default(),
             lateral: Some(Lateral {
+                // Derived: half of 550 mm. Standard: the drag is that of the Firefly of RotorS. Chosen: a third of the thrust is lateral,
+                // `sin 20`, for 6 % of the lift, `1 - cos 20`; 1.5 N takes as much of two rotors each, a third of their thrust at hover.
                 tilt_deg: 20.0,
                 arm_m: 0.275,
                 drag_m: 0.016,
@@ -156,14 +165,14 @@ impl Airframe {
     /// # Errors
     /// A fault that names the first number that breaks a rule.
     pub fn check(&self) -> Result<(), Fault> {
-        self.check_roll(&Place::root().key("roll"))?;
-        self.check_controller(&Place::root().key("controller"))?;
-        self.check_hover(&Place::root().key("hover"))?;
-        self.check_actuators(&Place::root().key("actuators"))?;
-        self.lateral.map_or(Ok(()), |lateral| lateral.check(&Place::root().key("lateral")))
+        self.check_roll(&KeyPath::root().key("roll"))?;
+        self.check_controller(&KeyPath::root().key("controller"))?;
+        self.check_hover(&KeyPath::root().key("hover"))?;
+        self.check_actuators(&KeyPath::root().key("actuators"))?;
+        self.lateral.map_or(Ok(()), |lateral| lateral.check(&KeyPath::root().key("lateral")))
     }
 
-    fn check_roll(&self, place: &Place) -> Result<(), Fault> {
+    fn check_roll(&self, place: &KeyPath) -> Result<(), Fault> {
         let roll = &self.roll;
         for (key, value) in [
             ("inertia_kg_m2", roll.inertia_kg_m2),
@@ -182,10 +191,11 @@ impl Airframe {
         Ok(())
     }
 
-    fn check_controller(&self, place: &Place) -> Result<(), Fault> {
+    fn check_controller(&self, place: &KeyPath) -> Result<(), Fault> {
         let controller = &self.controller;
         let rate = place.key("rate_hz");
         rate.clone().accept(controller.rate_hz)?;
+        // Chosen: 50 ticks are 100 Hz, slower than rate loops that fly; 1e-9 is for the rounding of a rate in decimals.
         let ticks = TICK_HZ / controller.rate_hz;
         if !(1.0..=50.0).contains(&ticks) || (ticks - ticks.round()).abs() > 1e-9 {
             return Err(rate.fault(
@@ -197,6 +207,7 @@ impl Airframe {
         for (key, value) in
             [("gyro_low_pass_hz", controller.gyro_low_pass_hz), ("d_low_pass_hz", controller.d_low_pass_hz)]
         {
+            // Chosen: below 1 Hz it lags 0.2 s and more, and no rate loop flies behind it.
             within(place.key(key), value, 1.0, half_rate_hz, "choose a cut-off below half of `rate_hz`")?;
         }
         place.key("integral_time_s").accept(controller.integral_time_s)?;
@@ -210,7 +221,7 @@ impl Airframe {
         place.key("gyro_noise_deg_s_sqrt_hz").accept(controller.gyro_noise_deg_s_sqrt_hz)
     }
 
-    fn check_hover(&self, place: &Place) -> Result<(), Fault> {
+    fn check_hover(&self, place: &KeyPath) -> Result<(), Fault> {
         let [from, to] = self.hover.range;
         let range = place.key("range");
         range.item(0).accept(from)?;
@@ -221,7 +232,7 @@ impl Airframe {
         within(place.key("command"), self.hover.command, from, to, "the command at hover lies within `range`")
     }
 
-    fn check_actuators(&self, place: &Place) -> Result<(), Fault> {
+    fn check_actuators(&self, place: &KeyPath) -> Result<(), Fault> {
         let actuators = &self.actuators;
         for (index, &omega_rad_s) in actuators.inverse_rad_s.iter().enumerate() {
             place.key("inverse_rad_s").item(index).accept(omega_rad_s)?;
@@ -242,7 +253,7 @@ impl Airframe {
 }
 
 impl Lateral {
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         for (key, value) in [
             ("tilt_deg", self.tilt_deg),
             ("arm_m", self.arm_m),
@@ -258,7 +269,7 @@ impl Lateral {
 }
 
 /// Accepts a number from `low` to `high`.
-fn within(place: Place, value: f64, low: f64, high: f64, remedy: &str) -> Result<(), Fault> {
+fn within(place: KeyPath, value: f64, low: f64, high: f64, remedy: &str) -> Result<(), Fault> {
     if (low..=high).contains(&value) {
         return Ok(());
     }

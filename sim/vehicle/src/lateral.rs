@@ -5,16 +5,18 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Matrix6, SVector};
 use serde::Serialize;
 
-use crate::actuator::{Actuator, Running};
 use crate::airframe::{Airframe, Lateral};
+use crate::motor_control::{MotorControl, MotorControlState};
 use crate::rotor::Rotor;
 use crate::{TICK_HZ, VehicleError};
 
-/// Periods of the sine that are compared, after as long as the transient takes.
+/// Periods of the sine that are compared, after as long as the transient takes. Chosen: settled periods are alike, so that one would do;
+/// more only take time.
 const PERIODS: f64 = 4.0;
-/// For how long a step is simulated, and a sine before it is compared, seconds.
+/// For how long a step is simulated, and a sine before it is compared, seconds. Chosen: 12 of the longest time constants of Table 1, 0.16
+/// s, after which `e^-12`, 6e-6, is left; a slower motor counts as not rising.
 const TRANSIENT_S: f64 = 2.0;
-/// From which part of the step to which the rise is counted.
+/// From which part of the step to which the rise is counted. Standard: the reference levels of IEEE Std 181.
 const RISE: (f64, f64) = (0.1, 0.9);
 
 /// What one actuator makes of lateral force.
@@ -59,7 +61,8 @@ impl Allocation {
         let mut wanted = SVector::<f64, 6>::zeros();
         wanted[1] = 1.0;
         let thrust = inverse * wanted;
-        // Of a singular matrix, rounding leaves an inverse that is none.
+        // Of a singular matrix, rounding leaves an inverse that is none. Chosen: 1e-6 is far above the rounding of a good one, some 1e-15,
+        // and far below that of none, about 1.
         let residual = (wrench * inverse - Matrix6::identity()).amax();
         if residual.is_nan() || residual > 1e-6 {
             return Err(VehicleError::NotFullyActuated);
@@ -73,7 +76,7 @@ impl Allocation {
 pub fn force_n(
     airframe: &Airframe,
     rotor: &Rotor,
-    actuator: &Actuator,
+    actuator: &MotorControl,
     allocation: &Allocation,
     duration_s: f64,
     command_n: impl Fn(f64) -> f64,
@@ -81,7 +84,7 @@ pub fn force_n(
     let (nominal, range) = (airframe.hover.command, (airframe.actuators.min, airframe.actuators.max));
     let per_control = (TICK_HZ / airframe.controller.rate_hz).round() as usize;
     let hover_n = rotor.thrust_n(nominal);
-    let mut motors: [(Running, f64); 6] = std::array::from_fn(|_| (actuator.started(nominal), nominal));
+    let mut motors: [(MotorControlState, f64); 6] = std::array::from_fn(|_| (actuator.started(nominal), nominal));
     let mut commands = [nominal; 6];
     let ticks = (duration_s * TICK_HZ).round() as usize;
     let step = |tick: usize| {
@@ -104,7 +107,7 @@ pub fn force_n(
 pub fn performance(
     airframe: &Airframe,
     rotor: &Rotor,
-    actuator: &Actuator,
+    actuator: &MotorControl,
     lateral: &Lateral,
     allocation: &Allocation,
 ) -> ForcePerformance {
@@ -134,13 +137,13 @@ mod tests {
     use rotorlead_plant::testing::{model, table_1};
 
     use super::*;
-    use crate::actuator::{ActuatorKind, designed};
+    use crate::motor_control::{MotorControlKind, designed};
 
     fn lateral() -> Lateral {
         Airframe::default().lateral.unwrap()
     }
 
-    fn force(nominal_model: &rotorlead_plant::Model, kind: ActuatorKind) -> ForcePerformance {
+    fn force(nominal_model: &rotorlead_plant::Model, kind: MotorControlKind) -> ForcePerformance {
         let (airframe, rotor) = (Airframe::default(), Rotor::new(nominal_model).unwrap());
         let all = designed(&airframe, nominal_model, &rotor).unwrap();
         let actuator = all.into_iter().flatten().find(|one| one.kind == kind).unwrap();
@@ -160,7 +163,7 @@ mod tests {
         // Gain and pole do not depend on the command: the pole's time constant is 0.1 s from 0.4 to 0.7, where it stays.
         let linear =
             model(&[(0.2, 10.0, 0.1, 0.0), (0.4, 10.0, 0.1, 0.0), (0.7, 10.0, 0.1, 0.0), (0.9, 10.0, 0.1, 0.0)]);
-        let found = force(&linear, ActuatorKind::None);
+        let found = force(&linear, MotorControlKind::None);
         assert!((found.rise_s.unwrap() - 0.1 * 9.0_f64.ln()).abs() < 4e-4, "{:?}", found.rise_s);
         // |1 - 1 / (1 + j x)|, and the hold of the controller's millisecond, which lags by half of one.
         let x = TAU * lateral().sine_hz * 0.1;
@@ -172,7 +175,7 @@ mod tests {
     fn with_the_inverse_the_force_rises_as_the_reference_model() {
         // 2.15 / omega_f for a damping of 0.71.
         for omega_f_rad_s in [94.0, 150.0, 200.0] {
-            let found = force(&table_1(), ActuatorKind::Inverse { omega_f_rad_s }).rise_s.unwrap();
+            let found = force(&table_1(), MotorControlKind::Inverse { omega_f_rad_s }).rise_s.unwrap();
             assert!((found * omega_f_rad_s / 2.15 - 1.0).abs() < 0.05, "{found} s at {omega_f_rad_s} rad/s");
         }
     }

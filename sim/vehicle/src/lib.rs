@@ -8,12 +8,12 @@
 //!
 //! [`study`] does all of it. `docs/vehicle.md` has the equations, the assumptions and the results.
 
-mod actuator;
 mod airframe;
 mod benefit;
 mod error;
 mod filters;
 mod lateral;
+mod motor_control;
 mod recommendation;
 mod response;
 mod roll;
@@ -22,11 +22,11 @@ mod study;
 mod tuning;
 mod verdict;
 
-pub use actuator::ActuatorKind;
 pub use airframe::{Actuators, Airframe, Controller, Hover, Lateral, Roll};
 pub use benefit::{Benefit, Ratios};
 pub use error::VehicleError;
 pub use lateral::ForcePerformance;
+pub use motor_control::MotorControlKind;
 pub use recommendation::{Asked, Candidate, Choice, Purpose, Recommendation, design_options, recommend};
 pub use response::Margins;
 pub use study::{AtLatency, ForceRow, KeptGains, Performance, Refused, Row, Study, steps, study};

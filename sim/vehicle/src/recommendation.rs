@@ -14,9 +14,9 @@ use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_plant::{CompensatorDesign, Model, Point};
 use serde::Serialize;
 
-use crate::actuator::{Actuator, ActuatorKind};
 use crate::airframe::{Actuators, Airframe, Hover};
 use crate::benefit::{Benefit, Ratios};
+use crate::motor_control::{MotorControl, MotorControlKind};
 use crate::response::PointResponse;
 use crate::roll::{RollAxis, peak_deg};
 use crate::rotor::Rotor;
@@ -24,28 +24,36 @@ use crate::study::{Performance, Refused, Row};
 use crate::tuning::{TuningRule, tuned};
 use crate::{TICK_HZ, VehicleError};
 
-/// Thrust over command of every motor, newtons: about that of the default vehicle's.
+/// Thrust over command of every motor, newtons: about that of the default vehicle's. Derived: the mean of Table 1 is 11.9. Loops are tuned
+/// to it, so that it only scales what noise does to the command.
 const GAIN_N: f64 = 12.0;
-/// Commands of a flight over that of hover, the lowest and the highest.
+/// Commands of a flight over that of hover, the lowest and the highest. Derived: the ends of the default vehicle's range over its hover,
+/// 0.40 and 0.65 over 0.50.
 const OF_HOVER: (f64, f64) = (0.8, 1.3);
-/// From a gyro's sample to the ESC's new command, seconds.
+/// From a gyro's sample to the ESC's new command, seconds. Chosen: the first of the default vehicle's, a period of 1 kHz and a frame of an
+/// ESC; more favors a compensator.
 const LATENCY_S: f64 = 0.002;
 /// Commands that an ESC takes.
 const COMMANDS: (f64, f64) = (0.0, 1.0);
-/// The step of the command whose rise is compared: of the size that a controller asks for all the time.
+/// The step of the command whose rise is compared: of the size that a controller asks for all the time. Chosen: the amplitude of the
+/// paper's experiments; a larger one meets the limits sooner.
 const STEP: f64 = 0.05;
-/// From which part of the step to which the rise is counted.
+/// From which part of the step to which the rise is counted. Standard: the reference levels of IEEE Std 181.
 const RISE: [f64; 2] = [0.1, 0.9];
-/// How long a step is simulated, in time constants of the motor.
+/// How long a step is simulated, in time constants of the motor. Chosen: beyond the 2.3, `ln 10`, in which the bare motor rises to 90 %;
+/// what is slower than it is not recommended.
 const STEP_TIME_CONSTANTS: f64 = 4.0;
-/// How long the vehicle is simulated after a gust, seconds: its angle is largest long before.
+/// How long the vehicle is simulated after a gust, seconds: its angle is largest long before. Chosen: ten times the inverse of a bandwidth
+/// of 10 rad/s; the peak comes within a few of these.
 const GUST_S: f64 = 1.0;
-/// One of so many ticks of a step is drawn.
+/// One of so many ticks of a step is drawn. Chosen: a point every 2 ms, five to the rise of the fastest inverse, 11 ms; fewer show corners.
 const DRAWN_EVERY: usize = 10;
-/// From where to where a response is drawn, rad/s, and at how many points.
+/// From where to where a response is drawn, rad/s, and at how many points. Chosen: from a tenth of a slow motor's pole to beyond the
+/// fastest inverse, at 50 points a decade; fewer show corners.
 const DRAWN_RAD_S: (f64, f64) = (1.0, 1000.0);
 const DRAWN_POINTS: usize = 150;
-/// A force that rises in more than this part of the time of the bare motor is not worth a compensator.
+/// A force that rises in more than this part of the time of the bare motor is not worth a compensator. Chosen: what noise and peaks cost
+/// has to gain a fifth; the lead of `docs/vehicle.md` takes 0.60, its inverses 0.10 and less.
 const WORTH_RISING: f64 = 0.8;
 
 /// What to fly, by purpose.
@@ -67,7 +75,7 @@ pub struct Recommendation {
 pub struct Choice {
     /// What to put before the ESC.
     #[serde(flatten)]
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// What it gains, or why there is nothing.
     pub why: String,
 }
@@ -105,7 +113,7 @@ impl Purpose {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Which one.
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// Bandwidth to -3 dB, the lowest of the operating points; `None` where it is beyond what is searched.
     pub bandwidth_rad_s: Option<f64>,
     /// Where the whole chain lags 90 degrees, the lowest of the operating points.
@@ -117,7 +125,7 @@ pub struct Candidate {
     /// The rate loop, tuned for the range of hover commands.
     pub rate_loop: Row,
     /// Whether dead time takes what is gained from any loop around it, at every operating point.
-    pub is_gain_lost: bool,
+    pub is_dead_time_limited: bool,
     /// Largest gain on the noise of the command, at 15, 30 or 50 Hz.
     pub noise_gain: f64,
     /// Largest command over the step that asks for it.
@@ -163,19 +171,19 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
     let lags = Model { points, static_map: None, effects: Vec::new(), ..model.clone() };
     let case = MotorInVehicle { airframe: airframe(&lags), rotor: Rotor::new(&lags)?, model: &lags };
     let inverses = Actuators::default().inverse_rad_s.into_iter();
-    let inverses = inverses.map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
-    let (mut designed, mut refused) = (vec![(ActuatorKind::None, None)], Vec::new());
-    for kind in std::iter::once(ActuatorKind::Lead).chain(inverses) {
+    let inverses = inverses.map(|omega_f_rad_s| MotorControlKind::Inverse { omega_f_rad_s });
+    let (mut designed, mut refused) = (vec![(MotorControlKind::None, None)], Vec::new());
+    for kind in std::iter::once(MotorControlKind::Lead).chain(inverses) {
         match case.designed(kind, asked) {
             Ok(design) => designed.push((kind, design)),
             Err(error) => refused.push(Refused { actuator: kind, reason: error.to_string() }),
         }
     }
-    let candidate = |(kind, design): (ActuatorKind, Option<CompensatorDesign>)| case.candidate(kind, design);
+    let candidate = |(kind, design): (MotorControlKind, Option<CompensatorDesign>)| case.candidate(kind, design);
     let candidates: Vec<Candidate> = designed.into_par_iter().map(candidate).collect();
     let (force, rate_loop) = match doubt {
         Some(why) => {
-            let none = Choice { actuator: ActuatorKind::None, why: why.to_owned() };
+            let none = Choice { actuator: MotorControlKind::None, why: why.to_owned() };
             (none.clone(), none)
         }
         None => (choose_for_force(&candidates), choose_for_rate_loop(&candidates)),
@@ -185,16 +193,16 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
 
 /// What a design is asked for; `None` for what is not designed.
 #[must_use]
-pub fn design_options(kind: ActuatorKind, asked: &Asked) -> Option<KindOptions> {
+pub fn design_options(kind: MotorControlKind, asked: &Asked) -> Option<KindOptions> {
     let Asked { damping, slew_per_s } = *asked;
     match kind {
-        ActuatorKind::None | ActuatorKind::SpeedFeedback { .. } => None,
-        ActuatorKind::Lead => {
+        MotorControlKind::None | MotorControlKind::SpeedFeedback { .. } => None,
+        MotorControlKind::Lead => {
             let default = DesignOptions::default();
             let damping = damping.unwrap_or(default.damping);
             Some(KindOptions::Lead(DesignOptions { damping, slew_per_s, ..default }))
         }
-        ActuatorKind::Inverse { omega_f_rad_s } => {
+        MotorControlKind::Inverse { omega_f_rad_s } => {
             let default = InverseOptions::default();
             Some(KindOptions::Inverse(InverseOptions {
                 omega_f_rad_s: Some(omega_f_rad_s),
@@ -224,7 +232,7 @@ struct MotorInVehicle<'a> {
 
 impl MotorInVehicle<'_> {
     /// What `rotorlead design` makes of the model.
-    fn designed(&self, kind: ActuatorKind, asked: &Asked) -> Result<Option<CompensatorDesign>, CompensatorError> {
+    fn designed(&self, kind: MotorControlKind, asked: &Asked) -> Result<Option<CompensatorDesign>, CompensatorError> {
         Ok(match design_options(kind, asked) {
             None => None,
             Some(KindOptions::Lead(options)) => Some(design(self.model, &options)?.into()),
@@ -232,15 +240,15 @@ impl MotorInVehicle<'_> {
         })
     }
 
-    fn candidate(&self, kind: ActuatorKind, design: Option<CompensatorDesign>) -> Candidate {
-        let (bandwidth_rad_s, minus_90_rad_s, is_gain_lost) = self.chain_limits(design.as_ref());
+    fn candidate(&self, kind: MotorControlKind, design: Option<CompensatorDesign>) -> Candidate {
+        let (bandwidth_rad_s, minus_90_rad_s, is_dead_time_limited) = self.chain_limits(design.as_ref());
         let noise_gain = design
             .as_ref()
             .map_or(1.0, |design| design.command_noise_gain().into_iter().map(|at| at.gain).fold(0.0, f64::max));
         let step_peak = design.as_ref().map_or(1.0, CompensatorDesign::step_peak);
         let within = |range: (f64, f64)| match &design {
-            None => Actuator::bare(range),
-            Some(design) => Actuator::compensated(kind, design.clone(), range),
+            None => MotorControl::bare(range),
+            Some(design) => MotorControl::compensated(kind, design.clone(), range),
         };
         let actuator = within((self.airframe.actuators.min, self.airframe.actuators.max));
         // As it is designed: a force may take the whole range of the command.
@@ -255,7 +263,7 @@ impl MotorInVehicle<'_> {
             rise_s: all().map(|step| step.rise_s).reduce(slower).flatten(),
             is_limited: all().any(|step| step.is_limited),
             rate_loop: self.rate_loop(&actuator),
-            is_gain_lost,
+            is_dead_time_limited,
             noise_gain,
             step_peak,
             response: self.response(&actuator),
@@ -264,7 +272,7 @@ impl MotorInVehicle<'_> {
     }
 
     /// Motor and compensator at hover.
-    fn response(&self, actuator: &Actuator) -> Vec<(f64, Complex64)> {
+    fn response(&self, actuator: &MotorControl) -> Vec<(f64, Complex64)> {
         let hover = self.airframe.hover.command;
         let at = |index: usize| {
             let (low, high) = DRAWN_RAD_S;
@@ -291,9 +299,9 @@ impl MotorInVehicle<'_> {
         let least = |a: Option<f64>, b: Bandwidth| a.into_iter().chain(b.rad_s()).reduce(f64::min);
         let (bandwidth, minus_90) =
             lowest.fold((None, None), |least_of, here| (least(least_of.0, here.0), least(least_of.1, here.1)));
-        let is_gain_lost =
-            design.is_some() && points.iter().zip(&phases).all(|(point, phase)| phase.is_gain_lost(point));
-        (bandwidth, minus_90, is_gain_lost)
+        let is_dead_time_limited =
+            design.is_some() && points.iter().zip(&phases).all(|(point, phase)| phase.is_dead_time_limited(point));
+        (bandwidth, minus_90, is_dead_time_limited)
     }
 
     /// The lowest command of the range, that of hover, and the highest.
@@ -303,7 +311,7 @@ impl MotorInVehicle<'_> {
     }
 
     /// A step of the command from `nominal`.
-    fn step(&self, actuator: &Actuator, nominal: f64, step: f64) -> Step {
+    fn step(&self, actuator: &MotorControl, nominal: f64, step: f64) -> Step {
         let (low, high) = COMMANDS;
         let ticks = (STEP_TIME_CONSTANTS / self.rotor.pole_rad_s(nominal) * TICK_HZ).ceil() as usize;
         let mut running = actuator.started(nominal);
@@ -330,7 +338,7 @@ impl MotorInVehicle<'_> {
     }
 
     /// The rate loop, with one gain set for the range of hover commands.
-    fn rate_loop(&self, actuator: &Actuator) -> Row {
+    fn rate_loop(&self, actuator: &MotorControl) -> Row {
         let (airframe, rotor) = (&self.airframe, &self.rotor);
         let nominals = self.nominals();
         let points = nominals.map(|nominal| PointResponse::new(airframe, rotor, actuator, nominal, LATENCY_S));
@@ -361,7 +369,7 @@ struct Step {
 
 /// What lets a force rise soonest without a step that meets a limit anywhere in the range.
 fn choose_for_force(candidates: &[Candidate]) -> Choice {
-    let none = |why: String| Choice { actuator: ActuatorKind::None, why };
+    let none = |why: String| Choice { actuator: MotorControlKind::None, why };
     let Some(bare_s) = candidates.first().and_then(|bare| bare.rise_s) else {
         return none("a step of the bare motor does not rise within its range of commands".to_owned());
     };
@@ -389,7 +397,7 @@ fn choose_for_force(candidates: &[Candidate]) -> Choice {
 fn choose_for_rate_loop(candidates: &[Candidate]) -> Choice {
     let Some((bare, others)) = candidates.split_first() else { unreachable!("the bare motor is compared in any case") };
     let better = || others.iter().filter(|one| one.rate_loop.benefit(&bare.rate_loop) == Some(Benefit::Better));
-    let kept = better().filter(|one| !one.is_gain_lost).map(|one| &one.rate_loop);
+    let kept = better().filter(|one| !one.is_dead_time_limited).map(|one| &one.rate_loop);
     let bandwidth = |row: &&Row| row.performance.as_ref().map_or(0.0, |found| found.margins.bandwidth_rad_s);
     match kept.max_by(|a, b| bandwidth(a).total_cmp(&bandwidth(b))) {
         Some(best) => Choice {
@@ -402,7 +410,7 @@ fn choose_for_rate_loop(candidates: &[Candidate]) -> Choice {
             },
         },
         None => Choice {
-            actuator: ActuatorKind::None,
+            actuator: MotorControlKind::None,
             why: match better().next() {
                 Some(lost) => format!(
                     "{} makes the simulated loop better, but where it has its bandwidth dead time alone lags more than a radian at every operating \
@@ -427,9 +435,9 @@ mod tests {
         let found = recommend(&table_1(), None, &Asked::default()).unwrap();
         assert_eq!(found.candidates.len() + found.refused.len(), 5);
         // The faster ones take the command to its limit at a step of 5 %.
-        assert_eq!(found.force.actuator, ActuatorKind::Inverse { omega_f_rad_s: 94.0 });
+        assert_eq!(found.force.actuator, MotorControlKind::Inverse { omega_f_rad_s: 94.0 });
         assert!(found.candidates[3].is_limited && !found.candidates[2].is_limited);
-        assert_eq!(found.rate_loop.actuator, ActuatorKind::Inverse { omega_f_rad_s: 200.0 });
+        assert_eq!(found.rate_loop.actuator, MotorControlKind::Inverse { omega_f_rad_s: 200.0 });
         // What the README says of them.
         let costs = |one: &Candidate| (one.noise_gain.round(), one.step_peak.round());
         assert_eq!((costs(&found.candidates[2]), costs(&found.candidates[4])), ((10.0, 7.0), (22.0, 15.0)));
@@ -446,14 +454,14 @@ mod tests {
     #[test]
     fn nothing_is_flown_on_what_is_no_lag() {
         let found = recommend(&table_1(), Some("it is none"), &Asked::default()).unwrap();
-        assert_eq!((found.force.actuator, found.rate_loop.actuator), (ActuatorKind::None, ActuatorKind::None));
+        assert_eq!((found.force.actuator, found.rate_loop.actuator), (MotorControlKind::None, MotorControlKind::None));
     }
 
     #[test]
     fn the_loop_around_a_motor_that_is_fast_needs_nothing() {
         let fast = model(&[(0.3, 8.0, 0.004, 0.0), (0.6, 8.0, 0.004, 0.0)]);
         let found = recommend(&fast, None, &Asked::default()).unwrap();
-        assert_eq!(found.rate_loop.actuator, ActuatorKind::None, "{:?}", found.rate_loop);
+        assert_eq!(found.rate_loop.actuator, MotorControlKind::None, "{:?}", found.rate_loop);
         assert_eq!(found.refused.len(), 3, "no inverse makes it slower");
     }
 }

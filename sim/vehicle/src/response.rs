@@ -6,17 +6,20 @@ use num_complex::Complex64;
 use rotorlead::design::BANDWIDTH_DROP_DB;
 use serde::Serialize;
 
-use crate::actuator::Actuator;
 use crate::airframe::Airframe;
 use crate::filters::{GyroLowPass, Pid, PidGains};
+use crate::motor_control::MotorControl;
 use crate::rotor::Rotor;
 use crate::{TICK_HZ, latency_ticks};
 
-/// Frequencies per response. The loops here have no resonance: their sensitivity changes by less than 1 % from one to the next.
+/// Frequencies per response. The loops here have no resonance: their sensitivity changes by less than 1 % from one to the next. Chosen: at
+/// 1 kHz they are 2.4 % apart; fewer miss more of a peak, more take time.
 const FREQUENCIES: usize = 400;
-/// The lowest frequency, rad/s.
+/// The lowest frequency, rad/s. Chosen: far below the corner of an integral time of 0.3 s, 3.3 rad/s, where the loop gain is so high that
+/// nothing changes any more.
 const LOWEST_RAD_S: f64 = 0.2;
-/// The highest one as a part of the controller's Nyquist frequency.
+/// The highest one as a part of the controller's Nyquist frequency. Chosen: at that frequency itself the gyro's filter in a controller of 5
+/// kHz is zero and has no phase; what is left out has hardly any noise.
 const HIGHEST_PART: f64 = 0.998;
 
 /// What a loop has to keep.
@@ -55,7 +58,7 @@ impl PointResponse {
     /// The chain is: command held for a period of the controller, latency, actuator at 5 kHz, lag of the rotor, and an integrator
     /// for the body. Images of the sampling are left out: at the lowest of them the chain is under a thousandth.
     #[must_use]
-    pub fn new(airframe: &Airframe, rotor: &Rotor, actuator: &Actuator, nominal: f64, latency_s: f64) -> Self {
+    pub fn new(airframe: &Airframe, rotor: &Rotor, actuator: &MotorControl, nominal: f64, latency_s: f64) -> Self {
         let controller = &airframe.controller;
         let (period_s, highest) = (1.0 / controller.rate_hz, HIGHEST_PART * PI * controller.rate_hz);
         let steps = (FREQUENCIES - 1) as f64;

@@ -7,23 +7,28 @@ use serde::Serialize;
 
 use crate::TICK_HZ;
 use crate::VehicleError;
-use crate::actuator::{Actuator, ActuatorKind, Designed, designed};
 use crate::airframe::Airframe;
 use crate::lateral::{Allocation, ForcePerformance, force_n, performance};
+use crate::motor_control::{MotorControl, MotorControlKind, MotorControlResult, designed};
 use crate::response::{Margins, PointResponse};
 use crate::roll::{RollAxis, peak_deg};
 use crate::rotor::Rotor;
 use crate::tuning::{Gains, TuningRule, tuned};
 
-/// Operating points of a range, both ends among them.
+/// Operating points of a range, both ends among them. Chosen: over the default range these are the six of Table 1, between which the pole
+/// is linear; fewer miss a bend, more take time.
 const RANGE_POINTS: usize = 6;
-/// How long the vehicle is simulated after the step of the disturbance torque, seconds.
+/// How long the vehicle is simulated after the step of the disturbance torque, seconds. Chosen: 60 times the inverse of the lowest
+/// bandwidth of `docs/vehicle.md`, 15 rad/s; the peak comes within a few of these.
 const DISTURBED_S: f64 = 4.0;
-/// How much of a disturbed angle is kept for figures, seconds.
+/// How much of a disturbed angle is kept for figures, seconds. Chosen: the peak, and 2.7 integral times of the way back; more makes the
+/// peak narrow.
 const DRAWN_S: f64 = 0.8;
-/// How much of a force step is kept for figures, seconds.
+/// How much of a force step is kept for figures, seconds. Chosen: 1.7 times the rise of the bare motor, 238 ms (`docs/vehicle.md`); more
+/// makes the quick ones narrow.
 const DRAWN_FORCE_S: f64 = 0.4;
-/// One of so many ticks is kept for figures.
+/// One of so many ticks is kept for figures. Chosen: a point every 4 ms, 200 to a curve of 0.8 s; fewer show corners, more make the file
+/// large.
 const DRAWN_EVERY: usize = 20;
 
 /// Everything that came out.
@@ -58,7 +63,7 @@ pub struct AtLatency {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Which one.
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// What it reaches; `None` where no gain set keeps the rule.
     pub performance: Option<Performance>,
 }
@@ -83,7 +88,7 @@ pub struct Performance {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct KeptGains {
     /// Which actuator.
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// Largest sensitivity; `None` where the loop is not stable.
     pub max_sensitivity: Option<f64>,
 }
@@ -92,7 +97,7 @@ pub struct KeptGains {
 #[derive(Clone, Debug, Serialize)]
 pub struct ForceRow {
     /// Which one.
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// What it reaches.
     #[serde(flatten)]
     pub performance: ForcePerformance,
@@ -105,7 +110,7 @@ pub struct ForceRow {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Refused {
     /// Which one.
-    pub actuator: ActuatorKind,
+    pub actuator: MotorControlKind,
     /// Why.
     pub reason: String,
 }
@@ -142,7 +147,7 @@ pub fn study(airframe: &Airframe, model: &Model, progress: &(dyn Fn() + Sync)) -
     let case = StudyCase { airframe, rotor: &rotor, rule: TuningRule::default(), progress };
     let latencies = case.at_latencies(&actuators);
     let lateral = allocation.map_or_else(Vec::new, |(lateral, allocation)| {
-        let row = |actuator: &Actuator| {
+        let row = |actuator: &MotorControl| {
             let performance = performance(airframe, &rotor, actuator, lateral, &allocation);
             let step = force_n(airframe, &rotor, actuator, &allocation, DRAWN_FORCE_S, |_| lateral.step_n);
             progress();
@@ -153,7 +158,7 @@ pub fn study(airframe: &Airframe, model: &Model, progress: &(dyn Fn() + Sync)) -
     Ok(Study { rule: case.rule, latencies, lateral, refused })
 }
 
-fn sorted(one: Designed, actuators: &mut Vec<Actuator>, refused: &mut Vec<Refused>) {
+fn sorted(one: MotorControlResult, actuators: &mut Vec<MotorControl>, refused: &mut Vec<Refused>) {
     match one {
         Ok(actuator) => actuators.push(actuator),
         Err((actuator, reason)) => refused.push(Refused { actuator, reason }),
@@ -169,7 +174,7 @@ struct StudyCase<'a> {
 }
 
 impl StudyCase<'_> {
-    fn at_latencies(&self, actuators: &[Actuator]) -> Vec<AtLatency> {
+    fn at_latencies(&self, actuators: &[MotorControl]) -> Vec<AtLatency> {
         let hover = [self.airframe.hover.command];
         let [from, to] = self.airframe.hover.range;
         let place = |index: usize| from + (to - from) * index as f64 / (RANGE_POINTS - 1) as f64;
@@ -199,12 +204,12 @@ impl StudyCase<'_> {
         all
     }
 
-    fn point(&self, actuator: &Actuator, nominal: f64, latency_s: f64) -> PointResponse {
+    fn point(&self, actuator: &MotorControl, nominal: f64, latency_s: f64) -> PointResponse {
         PointResponse::new(self.airframe, self.rotor, actuator, nominal, latency_s)
     }
 
     /// One gain set for all of `nominals`.
-    fn row(&self, actuator: &Actuator, nominals: &[f64], latency_s: f64, has_d: bool) -> Row {
+    fn row(&self, actuator: &MotorControl, nominals: &[f64], latency_s: f64, has_d: bool) -> Row {
         let points: Vec<PointResponse> =
             nominals.iter().map(|&nominal| self.point(actuator, nominal, latency_s)).collect();
         let integral_time_s = self.airframe.controller.integral_time_s;

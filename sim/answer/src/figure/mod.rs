@@ -51,7 +51,7 @@ pub struct Axis {
     /// From where to where, instead of what the numbers span.
     pub range: Option<(f64, f64)>,
     /// A second reading of the same axis. At most one axis of a panel has one.
-    pub beside: Option<Beside>,
+    pub secondary: Option<SecondaryAxis>,
 }
 
 /// How values are laid out along an axis.
@@ -69,7 +69,7 @@ pub enum Scale {
 
 /// The same axis in another unit, drawn on its other side.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Beside {
+pub struct SecondaryAxis {
     /// The quantity.
     pub label: String,
     /// Its unit.
@@ -163,7 +163,7 @@ impl Axis {
     /// An axis with even steps.
     #[must_use]
     pub fn linear(label: &str, unit: &str) -> Self {
-        Self { label: label.to_owned(), unit: unit.to_owned(), scale: Scale::Linear, range: None, beside: None }
+        Self { label: label.to_owned(), unit: unit.to_owned(), scale: Scale::Linear, range: None, secondary: None }
     }
 
     /// An axis with even factors.
@@ -199,8 +199,8 @@ impl Axis {
     /// An axis in rad/s with hertz beside it.
     #[must_use]
     pub fn beside_hertz(self, label: &str) -> Self {
-        let beside = Beside { label: label.to_owned(), unit: "Hz".to_owned(), factor: 1.0 / TAU };
-        Self { beside: Some(beside), ..self }
+        let secondary = SecondaryAxis { label: label.to_owned(), unit: "Hz".to_owned(), factor: 1.0 / TAU };
+        Self { secondary: Some(secondary), ..self }
     }
 
     /// The nominal command.
@@ -222,7 +222,7 @@ impl Axis {
     }
 }
 
-impl Beside {
+impl SecondaryAxis {
     /// Quantity and unit.
     #[must_use]
     pub fn title(&self) -> String {

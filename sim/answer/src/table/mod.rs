@@ -3,7 +3,7 @@
 mod text;
 mod typed;
 
-pub use typed::{Datum, Typed, Unit, build_table, with_std};
+pub use typed::{CellValue, ColumnSpec, Unit, build_table, with_std};
 
 use serde_json::json;
 
@@ -23,14 +23,14 @@ pub struct Table {
     /// Sentences below it.
     pub notes: Vec<String>,
     /// Who sees it.
-    pub weight: Weight,
+    pub weight: Audience,
     /// The key of its rows for programs; `None` where they are none's.
     pub key: Option<&'static str>,
 }
 
 /// Who sees a table, beside the report, which shows all but those for programs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Weight {
+pub enum Audience {
     /// Whoever asks.
     #[default]
     Shown,
@@ -142,7 +142,7 @@ impl Table {
     /// The same, which a terminal shows to who asks for the detail.
     #[must_use]
     pub fn in_detail(self) -> Self {
-        Self { weight: Weight::Detail, ..self }
+        Self { weight: Audience::Detail, ..self }
     }
 
     /// Whether anything is known in a column of a table with rows.

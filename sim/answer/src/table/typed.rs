@@ -5,13 +5,13 @@ use std::borrow::Cow;
 use super::{Cell, Column, Table, Value};
 
 /// A column of a table whose rows are made of `R`.
-pub struct Typed<'a, R> {
+pub struct ColumnSpec<'a, R> {
     key: &'static str,
     heading: String,
     unit: Unit,
     decimals: usize,
     is_detail: bool,
-    get: Box<dyn Fn(&R) -> Datum + 'a>,
+    get: Box<dyn Fn(&R) -> CellValue + 'a>,
 }
 
 /// What is shown for one of a value's own unit, which is SI unless its key says another.
@@ -23,7 +23,7 @@ pub struct Unit {
 
 /// What a column has in one row.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Datum {
+pub enum CellValue {
     /// Words.
     Words(String),
     /// A number.
@@ -57,33 +57,33 @@ impl Unit {
     }
 }
 
-impl From<f64> for Datum {
+impl From<f64> for CellValue {
     fn from(number: f64) -> Self {
         Self::Number(number)
     }
 }
 
-impl From<Option<f64>> for Datum {
+impl From<Option<f64>> for CellValue {
     fn from(number: Option<f64>) -> Self {
         number.map_or(Self::Unknown(Cow::Borrowed("-")), Self::Number)
     }
 }
 
-impl From<String> for Datum {
+impl From<String> for CellValue {
     fn from(words: String) -> Self {
         Self::Words(words)
     }
 }
 
-impl From<&'static str> for Datum {
+impl From<&'static str> for CellValue {
     fn from(words: &'static str) -> Self {
         Self::Words(words.to_owned())
     }
 }
 
-impl<'a, R> Typed<'a, R> {
+impl<'a, R> ColumnSpec<'a, R> {
     /// A column.
-    pub fn new<D: Into<Datum>>(
+    pub fn new<D: Into<CellValue>>(
         key: &'static str,
         heading: impl Into<String>,
         unit: Unit,
@@ -95,7 +95,7 @@ impl<'a, R> Typed<'a, R> {
     }
 
     /// A column of words.
-    pub fn words<D: Into<Datum>>(key: &'static str, heading: &str, get: impl Fn(&R) -> D + 'a) -> Self {
+    pub fn words<D: Into<CellValue>>(key: &'static str, heading: &str, get: impl Fn(&R) -> D + 'a) -> Self {
         Self::new(key, heading, Unit::NONE, 0, get)
     }
 
@@ -108,22 +108,24 @@ impl<'a, R> Typed<'a, R> {
     fn cell(&self, row: &R) -> Cell {
         let Unit { scale, .. } = self.unit;
         match (self.get)(row) {
-            Datum::Words(words) => Cell::text(words),
-            Datum::Number(value) => Cell { value: Value::Number(value), ..Cell::number(scale * value, self.decimals) },
-            Datum::Shown(value, text) => Cell::shown(value, text),
-            Datum::Estimate(value, std) => Cell {
+            CellValue::Words(words) => Cell::text(words),
+            CellValue::Number(value) => {
+                Cell { value: Value::Number(value), ..Cell::number(scale * value, self.decimals) }
+            }
+            CellValue::Shown(value, text) => Cell::shown(value, text),
+            CellValue::Estimate(value, std) => Cell {
                 text: with_std(value, std, scale, self.decimals).replace("+-", "±"),
                 value: Value::Estimate(value, std),
             },
-            Datum::Unknown(shown) => Cell::unknown(shown),
+            CellValue::Unknown(shown) => Cell::unknown(shown),
         }
     }
 }
 
 /// The table of these rows.
 #[must_use]
-pub fn build_table<R>(name: &str, caption: impl Into<String>, columns: &[Typed<'_, R>], rows: &[R]) -> Table {
-    let head = |column: &Typed<'_, R>| Column {
+pub fn build_table<R>(name: &str, caption: impl Into<String>, columns: &[ColumnSpec<'_, R>], rows: &[R]) -> Table {
+    let head = |column: &ColumnSpec<'_, R>| Column {
         name: column.key,
         heading: column.heading.clone(),
         unit: column.unit.symbol.to_owned(),
@@ -170,8 +172,10 @@ mod tests {
     #[test]
     fn one_declaration_gives_heading_cell_csv_and_json() {
         let columns = [
-            Typed::words("file", "record", |lag: &Lag| lag.file),
-            Typed::new("tau_s", "tau", Unit::MILLISECONDS, 1, |lag: &Lag| Datum::Estimate(lag.tau_s, lag.std_s)),
+            ColumnSpec::words("file", "record", |lag: &Lag| lag.file),
+            ColumnSpec::new("tau_s", "tau", Unit::MILLISECONDS, 1, |lag: &Lag| {
+                CellValue::Estimate(lag.tau_s, lag.std_s)
+            }),
         ];
         let rows =
             [Lag { tau_s: 0.0831, std_s: Some(0.0012), file: "a.csv" }, Lag { tau_s: 0.1, std_s: None, file: "b.csv" }];

@@ -7,8 +7,8 @@ use rotorlead_numerics::sample::median;
 use rotorlead_records::NOMINAL_TOLERANCE;
 
 use super::drift::Drift;
-use super::outlying::{OUTLYING_SCORE, scores};
-use super::{FEWEST_LOGS, FleetMember, Quantity};
+use super::outlying::{OUTLIER_Z_SCORE, modified_z_scores};
+use super::{FEWEST_LOGS, FleetMember, FleetParameter};
 
 /// The family-wise probability of calling a drift where no motor has one. Standard: 5 %, the level of the 95 % interval beside it.
 const DRIFT_LEVEL: f64 = 0.05;
@@ -51,7 +51,7 @@ pub struct MotorDeviation {
 
 /// Whether a score stands out.
 pub(super) fn stands_out(score: Option<f64>) -> bool {
-    score.is_some_and(|score| score.abs() > OUTLYING_SCORE)
+    score.is_some_and(|score| score.abs() > OUTLIER_Z_SCORE)
 }
 
 impl LogFileDeviation {
@@ -89,7 +89,7 @@ impl std::error::Error for FewLogs {}
 ///
 /// # Errors
 /// [`FewLogs`].
-pub fn compare(logs: &[FleetMember], quantity: Quantity) -> Result<Comparison, FewLogs> {
+pub fn compare(logs: &[FleetMember], quantity: FleetParameter) -> Result<Comparison, FewLogs> {
     let levels = levels(logs, quantity);
     if levels.is_empty() {
         return Err(FewLogs);
@@ -97,10 +97,10 @@ pub fn compare(logs: &[FleetMember], quantity: Quantity) -> Result<Comparison, F
     let deviations: Vec<Option<f64>> = logs.iter().map(|log| deviation(log, quantity, &levels)).collect();
     let mut motors = motors(logs, &deviations);
     find_drifts(&mut motors);
-    let scores = log_file_scores(logs, &deviations, &motors);
+    let modified_z_scores = log_file_scores(logs, &deviations, &motors);
     let logs = deviations
         .into_iter()
-        .zip(scores)
+        .zip(modified_z_scores)
         .map(|(deviation, score)| deviation.map(|deviation| LogFileDeviation { deviation, score }))
         .collect();
     let levels = levels.into_iter().map(|(nominal, usual)| (nominal, usual.exp())).collect();
@@ -108,7 +108,7 @@ pub fn compare(logs: &[FleetMember], quantity: Quantity) -> Result<Comparison, F
 }
 
 /// Shared commands, with the median of the logarithm.
-fn levels(logs: &[FleetMember], quantity: Quantity) -> Vec<(f64, f64)> {
+fn levels(logs: &[FleetMember], quantity: FleetParameter) -> Vec<(f64, f64)> {
     let of_log = |(number, log): (usize, &'_ FleetMember)| -> Vec<(f64, f64, usize)> {
         log.points.iter().map(|point| (point.nominal, point.logarithm(quantity), number)).collect()
     };
@@ -128,7 +128,7 @@ fn levels(logs: &[FleetMember], quantity: Quantity) -> Vec<(f64, f64)> {
     levels
 }
 
-fn deviation(log: &FleetMember, quantity: Quantity, levels: &[(f64, f64)]) -> Option<f64> {
+fn deviation(log: &FleetMember, quantity: FleetParameter, levels: &[(f64, f64)]) -> Option<f64> {
     let differences: Vec<f64> = log
         .points
         .iter()
@@ -149,7 +149,7 @@ fn motors(logs: &[FleetMember], deviations: &[Option<f64>]) -> BTreeMap<String, 
     }
     let medians: Vec<f64> =
         by_motor.values().filter_map(|logs| median(logs.iter().map(|(_, deviation)| *deviation))).collect();
-    let scores = scores(&medians);
+    let modified_z_scores = modified_z_scores(&medians);
     by_motor
         .into_iter()
         .zip(&medians)
@@ -160,7 +160,7 @@ fn motors(logs: &[FleetMember], deviations: &[Option<f64>]) -> BTreeMap<String, 
             let motor_deviation = MotorDeviation {
                 logs: logs.len(),
                 deviation: *deviation,
-                score: scores.as_ref().map(|scores| scores[index]),
+                score: modified_z_scores.as_ref().map(|modified_z_scores| modified_z_scores[index]),
                 drift: Drift::through(&dated),
                 drifts: false,
             };
@@ -201,7 +201,7 @@ fn log_file_scores(
     };
     let residuals: Vec<Option<f64>> = (0..logs.len()).map(residual).collect();
     let known: Vec<f64> = residuals.iter().copied().flatten().collect();
-    let Some(scores) = scores(&known) else { return vec![None; logs.len()] };
-    let mut scores = scores.into_iter();
-    residuals.into_iter().map(|residual| residual.and_then(|_| scores.next())).collect()
+    let Some(modified_z_scores) = modified_z_scores(&known) else { return vec![None; logs.len()] };
+    let mut modified_z_scores = modified_z_scores.into_iter();
+    residuals.into_iter().map(|residual| residual.and_then(|_| modified_z_scores.next())).collect()
 }

@@ -10,14 +10,14 @@ mod outlying;
 
 pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare};
 pub use drift::Drift;
-pub use outlying::{FEWEST_SCORED, OUTLYING_SCORE};
+pub use outlying::{FEWEST_SCORED, OUTLIER_Z_SCORE};
 
 /// Logs that a command must have for a usual value. Derived: a median of two is one of them, and cannot say which of the two is odd.
 pub const FEWEST_LOGS: usize = 3;
 
 /// What is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum FleetParameter {
     /// Seconds.
     TimeConstant,
     /// Newtons or revolutions per minute, per unit of the command.
@@ -47,10 +47,10 @@ pub struct LogFilePoint {
 }
 
 impl LogFilePoint {
-    fn logarithm(&self, quantity: Quantity) -> f64 {
+    fn logarithm(&self, quantity: FleetParameter) -> f64 {
         match quantity {
-            Quantity::TimeConstant => self.time_constant_s.ln(),
-            Quantity::Gain => self.gain.abs().ln(),
+            FleetParameter::TimeConstant => self.time_constant_s.ln(),
+            FleetParameter::Gain => self.gain.abs().ln(),
         }
     }
 }

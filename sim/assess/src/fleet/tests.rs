@@ -35,7 +35,7 @@ fn a_motor_that_is_slower_a_log_that_is_wrong_and_a_drift_are_found_and_nothing_
         (8, log) => 0.02 * log as f64,
         _ => 0.0,
     });
-    let found = compare(&logs, Quantity::TimeConstant).unwrap();
+    let found = compare(&logs, FleetParameter::TimeConstant).unwrap();
     assert_eq!(found.levels.len(), 3);
     let (nominal, usual) = found.levels[1];
     assert!((nominal - 0.5).abs() < 1e-12 && (usual - 0.1).abs() < 0.002, "{usual}");
@@ -50,7 +50,7 @@ fn a_motor_that_is_slower_a_log_that_is_wrong_and_a_drift_are_found_and_nothing_
     let drift = found.motors["M08"].drift.unwrap();
     let truth = relative_change(0.02 * 365.25 / 12.0 / 30.0);
     assert!(drift.interval[0] < truth && truth < drift.interval[1], "{drift:?}");
-    let gain = compare(&logs, Quantity::Gain).unwrap();
+    let gain = compare(&logs, FleetParameter::Gain).unwrap();
     assert!(gain.logs.iter().all(|log| log.is_some_and(|log| log.score.is_none() && log.deviation == 0.0)));
 }
 
@@ -60,7 +60,7 @@ fn where_nothing_is_wrong_little_is_said_to_be() {
     let (mut logs_called, mut motors_called, mut fleets_with_drift, mut covered) = (0, 0, 0, 0);
     let (fleets, motors, logs) = (5000, 10, 6);
     for seed in 0..fleets {
-        let found = compare(&fleet(motors, logs, 1000 + seed, |_, _| 0.0), Quantity::TimeConstant).unwrap();
+        let found = compare(&fleet(motors, logs, 1000 + seed, |_, _| 0.0), FleetParameter::TimeConstant).unwrap();
         logs_called += found.logs.iter().filter(|log| log.is_some_and(|log| log.stands_out())).count();
         motors_called += found.motors.values().filter(|motor| motor.stands_out()).count();
         fleets_with_drift += usize::from(found.motors.values().any(|motor| motor.drifts));
@@ -84,8 +84,8 @@ fn logs_at_different_commands_are_not_compared() {
         day: None,
         points: vec![LogFilePoint { nominal, time_constant_s: 0.1, gain: 1.0 }],
     };
-    assert_eq!(compare(&[log(0.3), log(0.4), log(0.5)], Quantity::TimeConstant), Err(FewLogs));
-    let found = compare(&[log(0.3), log(0.301), log(0.302), log(0.5)], Quantity::TimeConstant).unwrap();
+    assert_eq!(compare(&[log(0.3), log(0.4), log(0.5)], FleetParameter::TimeConstant), Err(FewLogs));
+    let found = compare(&[log(0.3), log(0.301), log(0.302), log(0.5)], FleetParameter::TimeConstant).unwrap();
     assert_eq!((found.logs[0].map(|log| log.deviation), found.logs[3]), (Some(0.0), None));
     assert_eq!(found.motors["M"].drift, None);
 }

@@ -1,7 +1,7 @@
 //! What came out beside what the paper prints, for the report.
 
 use rotorlead_answer::{Cell, Column, Section, Table, Tone, Verdict, with_std};
-use rotorlead_assess::{SMALLEST_ERROR_PERCENT, wrong};
+use rotorlead_assess::{SMALLEST_ERROR_PERCENT, records_with_model_error};
 use rotorlead_design::BandwidthPoint;
 use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_identify::validate::{FitBesideCeiling, table_2};
@@ -25,7 +25,7 @@ impl Demonstrated<'_> {
                 lags(self.model),
                 100.0 * farthest_pole
             ),
-            match wrong(self.validated).map(|wrong| !wrong.is_empty()) {
+            match records_with_model_error(self.validated).map(|wrong| !wrong.is_empty()) {
                 Some(false) => format!("The model leaves no more than noise, or than {SMALLEST_ERROR_PERCENT} % of the response."),
                 Some(true) => "The model leaves more than noise.".to_owned(),
                 None => "No record shows its noise.".to_owned(),

@@ -23,7 +23,7 @@ use rotorlead_identify::lag::multisine::{
 use rotorlead_identify::validate::{RecordValidation, validate};
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
-use rotorlead_records::files::{Quantity, make_folder, write_file};
+use rotorlead_records::files::{AcceptedRange, make_folder, write_file};
 use rotorlead_report::svg;
 use rotorlead_results::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_results::{
@@ -57,7 +57,7 @@ pub struct Demo {
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     /// Most by which the command of C(s) changes per second: 20 is 2 % per millisecond; no limit unless given, as in the paper
-    #[arg(long, value_name = "PER_S", value_parser = number(Quantity::SLEW_PER_S), allow_negative_numbers = true)]
+    #[arg(long, value_name = "PER_S", value_parser = number(AcceptedRange::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     #[command(flatten)]
     report: ReportOption,

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use rotorlead_answer::Weight;
+use rotorlead_answer::Audience;
 use rotorlead_answer::words::paragraph;
 use rotorlead_results::paper::CONTRADICTIONS;
 use rotorlead_results::validation_in_words;
@@ -21,7 +21,7 @@ impl Demonstrated<'_> {
         let said = validation_in_words(validated).into_iter().chain(further.map(str::to_owned));
         out.extend(said.map(|sentence| paragraph(&sentence, "  ")));
 
-        for table in compensator.tables.iter().filter(|table| table.weight == Weight::Shown) {
+        for table in compensator.tables.iter().filter(|table| table.weight == Audience::Shown) {
             writeln!(out, "\n{}", table.text())?;
         }
 

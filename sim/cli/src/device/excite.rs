@@ -8,7 +8,7 @@ use rotorlead::link::LineSet;
 use rotorlead::settings::Settings;
 use rotorlead_device::{DeviceError, Played, Sensors, Session};
 use rotorlead_plant::bench::file_stem;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::{Excitation, Record};
 use serde_json::json;
 use thiserror::Error;
@@ -26,10 +26,10 @@ pub(super) struct Excite {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     /// Commands around which to play, one record each
-    #[arg(long, value_name = "U,U,...", value_delimiter = ',', required = true, value_parser = number(Quantity::DUTY))]
+    #[arg(long, value_name = "U,U,...", value_delimiter = ',', required = true, value_parser = number(AcceptedRange::DUTY))]
     nominal: Vec<f64>,
     /// Peak deviation of the command
-    #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(Quantity::AMPLITUDE))]
+    #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(AcceptedRange::AMPLITUDE))]
     amplitude: f64,
     /// The lines
     #[arg(long, value_enum, default_value_t = Lines::Hz30)]

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::{design, is_compensated};
-use crate::WrongUse;
+use crate::UsageError;
 use crate::model_argument::ModelArgument;
 use crate::outcome::Outcome;
 use crate::progress;
@@ -137,7 +137,7 @@ impl Inject {
         };
         let mut plan = Plan::read(file)?;
         if plan.loop_rate_hz != loop_rate_hz {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!(
                     "the loop rate of `{}` is {} Hz, the controller's {loop_rate_hz} Hz",
                     file.display(),
@@ -150,7 +150,7 @@ impl Inject {
         if let Some(named) = &plan.compensator {
             let named = file.parent().unwrap_or(Path::new("")).join(named);
             if !compensate || !CompensatorDesign::read(&named)?.is_bit_identical_to(design) {
-                return Err(WrongUse::new(
+                return Err(UsageError::new(
                     format!("`{}` names `{}`, which is not what the controller has", file.display(), named.display()),
                     "give --compensate true, set the compensator in the controller with `rotorlead device set --compensator`, or \
                      remove `compensator` from the plan: the controller's own is used",

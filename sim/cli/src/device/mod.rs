@@ -20,7 +20,7 @@ use rotorlead::settings::{CompensatorKind, MOTORS, Settings};
 use rotorlead::throttle::Throttle;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use serde_json::{Value, json};
 
 use super::outcome::{JsonOption, Outcome, Verbosity};
@@ -37,7 +37,7 @@ pub struct Device {
     #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD)]
     baud: u32,
     /// How long an answer is waited for, seconds
-    #[arg(long, value_name = "S", default_value = "1", value_parser = number(Quantity::DURATION_S))]
+    #[arg(long, value_name = "S", default_value = "1", value_parser = number(AcceptedRange::DURATION_S))]
     timeout: f64,
     #[command(subcommand)]
     action: Action,

@@ -8,14 +8,14 @@ use rotorlead::settings::Settings;
 use rotorlead_device::{Calibration, DeviceError, Recorded, Recording, Sensors, Session};
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
-use rotorlead_records::files::Quantity;
+use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::{Excitation, Role};
 use serde_json::json;
 use thiserror::Error;
 
 use super::folder::ExperimentFolder;
 use super::{bench_frame_hz, is_compensated, own_help};
-use crate::WrongUse;
+use crate::UsageError;
 use crate::outcome::Outcome;
 use crate::parameters::number;
 use crate::progress;
@@ -25,10 +25,10 @@ use crate::progress;
 #[group(required = true, multiple = true)]
 pub(super) struct Sensor {
     /// Thrust sensor: newtons per count of the converter
-    #[arg(long, value_name = "N", value_parser = number(Quantity::NUMBER), allow_negative_numbers = true, requires = "zero_count")]
+    #[arg(long, value_name = "N", value_parser = number(AcceptedRange::NUMBER), allow_negative_numbers = true, requires = "zero_count")]
     newtons_per_count: Option<f64>,
     /// Thrust sensor: the converter's count without thrust
-    #[arg(long, value_name = "COUNT", value_parser = number(Quantity::NUMBER), allow_negative_numbers = true, requires = "newtons_per_count")]
+    #[arg(long, value_name = "COUNT", value_parser = number(AcceptedRange::NUMBER), allow_negative_numbers = true, requires = "newtons_per_count")]
     zero_count: Option<f64>,
     /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
     #[arg(long, value_name = "N", value_parser = motor_poles)]
@@ -58,7 +58,7 @@ pub(super) struct Record {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     /// How long
-    #[arg(long, value_name = "S", value_parser = number(Quantity::DURATION_S))]
+    #[arg(long, value_name = "S", value_parser = number(AcceptedRange::DURATION_S))]
     seconds: f64,
     /// The motor, from 0
     #[arg(long, default_value_t = 0)]
@@ -70,13 +70,13 @@ pub(super) struct Record {
     #[arg(long, value_enum, default_value_t = ExcitationArgument::Free)]
     excitation: ExcitationArgument,
     /// Command around which the motor is run, 0..1; the mean of what is recorded unless given
-    #[arg(long, value_name = "U", value_parser = number(Quantity::DUTY), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    #[arg(long, value_name = "U", value_parser = number(AcceptedRange::DUTY), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     nominal: Option<f64>,
     /// Peak deviation of the command from it; the largest that is recorded unless given
-    #[arg(long, value_name = "U", value_parser = number(Quantity::AMPLITUDE))]
+    #[arg(long, value_name = "U", value_parser = number(AcceptedRange::AMPLITUDE))]
     amplitude: Option<f64>,
     /// Period of a multisine, a square wave or a triangle
-    #[arg(long = "period", alias = "period-s", value_name = "S", value_parser = number(Quantity::DURATION_S), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    #[arg(long = "period", alias = "period-s", value_name = "S", value_parser = number(AcceptedRange::DURATION_S), required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     period_s: Option<f64>,
     /// What the record is for; the tools choose unless given
     #[arg(long, value_enum)]
@@ -131,11 +131,11 @@ struct RecordingInterrupted {
 
 impl Record {
     /// Rows to record.
-    fn rows(&self, row_rate_hz: f64) -> Result<usize, WrongUse> {
+    fn rows(&self, row_rate_hz: f64) -> Result<usize, UsageError> {
         let rows = (self.seconds * row_rate_hz).round();
         // A day at 10 kHz: a slip of the decimal point is to be an error, not a full memory.
         if !(2.0..=8.64e8).contains(&rows) {
-            return Err(WrongUse::new(
+            return Err(UsageError::new(
                 format!("--seconds {} are {rows} rows at {row_rate_hz} Hz", self.seconds),
                 "record two rows at least, and a day at most",
             ));
@@ -143,13 +143,13 @@ impl Record {
         if let Some(period_s) = self.period_s {
             let rows_per_period = period_s * row_rate_hz;
             if (rows_per_period - rows_per_period.round()).abs() > 1e-6 * rows_per_period || rows_per_period < 2.0 {
-                return Err(WrongUse::new(
+                return Err(UsageError::new(
                     format!("--period {period_s} is {rows_per_period} rows at {row_rate_hz} Hz, no whole number"),
                     "choose a --divisor with which a period has a whole number of rows",
                 ));
             }
             if rows < rows_per_period.round() {
-                return Err(WrongUse::new(
+                return Err(UsageError::new(
                     format!("--seconds {} are less than one period of {period_s} s", self.seconds),
                     "record one period at least; with two or more the noise can be separated from the response",
                 ));

@@ -8,7 +8,7 @@ use rotorlead_answer::words;
 use rotorlead_device::{DeviceError, Session, change};
 use serde_json::{Map, Value, json};
 
-use super::super::WrongUse;
+use super::super::UsageError;
 use super::super::outcome::Outcome;
 use super::compensator::{Changes, CompensatorArguments};
 use super::design_remedy;
@@ -64,7 +64,7 @@ impl Set {
     fn changes(&self) -> miette::Result<Changes> {
         let (pairs, rest) = self.pairs.as_chunks::<2>();
         if let [key] = rest {
-            return Err(WrongUse::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]").into());
+            return Err(UsageError::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]").into());
         }
         let mut changes = self.compensator.changes()?;
         changes.settings.extend(pairs.iter().map(|[key, value]| (key.clone(), value.clone())));

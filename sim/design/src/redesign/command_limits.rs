@@ -15,7 +15,7 @@ use rotorlead_plant::effect::Kind;
 use rotorlead_plant::effect::{saturation, slew_limit};
 use serde::Serialize;
 
-use rotorlead_identify::frequency_response::bandwidth::THREE_DB;
+use rotorlead_identify::frequency_response::bandwidth::MINUS_3_DB;
 
 /// Frequencies are searched from this part of the highest one on. Chosen: four decades below the bandwidth a lead amplifies nothing.
 const LOWEST_PART: f64 = 1e-4;
@@ -90,7 +90,7 @@ impl Bound {
         };
         let asked = |omega: f64| self.asked(amplitude * lead(omega).norm(), omega);
         let highest = omegas().chain([bandwidth_rad_s]).map(asked).fold(0.0, f64::max);
-        let needed = |omega: f64| self.asked(THREE_DB * amplitude * (actuator(0.0) / actuator(omega)).norm(), omega);
+        let needed = |omega: f64| self.asked(MINUS_3_DB * amplitude * (actuator(0.0) / actuator(omega)).norm(), omega);
         // It grows with the frequency; far above all bandwidths it is passed by any bound that is one. A billionth of 100 rad/s takes some
         // 40 halvings.
         let (mut low, mut high) = (0.0, 1e6);

@@ -255,7 +255,7 @@ fn small_with_limits(
     let with_limits = |small: BandwidthPoint| {
         let linear = LinearChain::from_model(model, small.nominal)?;
         let amplitude = options.amplitude.min(small.nominal).min(1.0 - small.nominal);
-        let up_to = rad_s(small.compensated);
+        let up_to = small.compensated.reached_rad_s();
         let limits = design.as_lead().map_or_else(Vec::new, |design| {
             let lead = |omega| design.lead().response(omega);
             let against =
@@ -289,7 +289,7 @@ fn chain(
         time_constant_s: point.time_constant_s,
         supply: 1.0,
     };
-    sweep.bandwidth(gain, (SEARCHED_BEYOND * rad_s(small)).min(sweep.highest_rad_s()))
+    sweep.bandwidth(gain, (SEARCHED_BEYOND * small.reached_rad_s()).min(sweep.highest_rad_s()))
 }
 
 /// The strongest lead within the bounds, found by halving `omega_g` down to 1 %. Chosen: finer than a time constant is known.
@@ -322,13 +322,8 @@ fn weaker(
     }
     let Some(best) = best else { return Ok(None) };
     let found = compensated(model, best, options, progress)?;
-    let gains = |point: &RedesignPoint| rad_s(point.small.compensated) > LEAST_GAIN * rad_s(point.small.uncompensated);
+    let gains = |point: &RedesignPoint| {
+        point.small.compensated.reached_rad_s() > LEAST_GAIN * point.small.uncompensated.reached_rad_s()
+    };
     Ok(found.points.iter().any(gains).then_some(found))
-}
-
-/// The frequency, or up to where there is none.
-fn rad_s(bandwidth: Bandwidth) -> f64 {
-    match bandwidth {
-        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
-    }
 }

@@ -9,7 +9,7 @@ use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, FilterDesign, Law, Model, PlantError};
 use serde::Serialize;
 
-use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, THREE_DB};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, MINUS_3_DB};
 
 /// The search begins at this part of the pole. Derived: a lag there is 0.04 dB and 6 degrees behind, far from both bandwidths.
 const FIRST_OF_POLE: f64 = 0.1;
@@ -101,8 +101,8 @@ impl Sweep<'_> {
             };
             let before = phase;
             phase = late(here, before);
-            if found.magnitude == beyond && here.norm() < THREE_DB {
-                found.magnitude = self.between(low, omega, |response| (response / gain).norm() < THREE_DB)?;
+            if found.magnitude == beyond && here.norm() < MINUS_3_DB {
+                found.magnitude = self.between(low, omega, |response| (response / gain).norm() < MINUS_3_DB)?;
             }
             if found.phase == beyond && phase < -FRAC_PI_2 {
                 found.phase = self.between(low, omega, |response| late(response / gain, before) < -FRAC_PI_2)?;

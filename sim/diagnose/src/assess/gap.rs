@@ -5,7 +5,7 @@ use rotorlead_identify::simulation::align;
 use serde::Serialize;
 
 use crate::DiagnoseError;
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::likelihood::{Likelihood, Power, RecordLikelihood as _};
@@ -93,7 +93,7 @@ pub(crate) fn residual(
     let means = |values: &[f64]| -> Vec<f64> {
         values[..period].chunks_exact(width).map(|chunk| chunk.iter().sum::<f64>() / width as f64).collect()
     };
-    let left = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
+    let residual = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
         let simulated = hypothesis.simulate(&likelihood.data, record, rows.end).ok()?;
         let tau_s = before.base[record.point].time_constant_s;
         let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
@@ -103,8 +103,8 @@ pub(crate) fn residual(
         file: record.file.clone(),
         rows: width,
         time_s: means(time_s),
-        before: left(before)?,
-        after: left(after)?,
+        before: residual(before)?,
+        after: residual(after)?,
         noise_std: (whitening.row_variance() / width as f64).sqrt(),
     })
 }
@@ -161,7 +161,7 @@ pub(crate) fn compute_gap(
 /// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the
 /// record is simulated once more, one standard error away.
 pub(crate) fn unsure(likelihood: &Likelihood, fit: &Fit, split: Split) -> f64 {
-    let of_record = |record: &Record| {
+    let of_record = |record: &PreparedRecord| {
         let rows = likelihood.periodic(record)?.end(split);
         let here = fit.hypothesis.simulate(&likelihood.data, record, rows).ok()?;
         let coordinates = [Coordinate::Gain(record.point), Coordinate::TimeConstant(record.point)];
@@ -199,7 +199,7 @@ fn scatter(values: impl Iterator<Item = f64> + Clone) -> f64 {
 /// Sums of squares of one record in a split, by both models.
 pub(crate) fn squares(
     likelihood: &Likelihood,
-    record: &Record,
+    record: &PreparedRecord,
     before: &Hypothesis,
     after: &Hypothesis,
     split: Split,
@@ -207,8 +207,8 @@ pub(crate) fn squares(
     let of = likelihood.for_record(record);
     let tau_s = before.base[record.point].time_constant_s;
     let Power { response, noise } = of.power(split);
-    let left = |hypothesis| of.squares(hypothesis, tau_s, split);
-    Some(SquaredResiduals { before: left(before)?, after: left(after)?, noise, response })
+    let residual = |hypothesis| of.squares(hypothesis, tau_s, split);
+    Some(SquaredResiduals { before: residual(before)?, after: residual(after)?, noise, response })
 }
 
 #[cfg(test)]

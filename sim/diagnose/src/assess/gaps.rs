@@ -17,19 +17,19 @@ pub(crate) struct Gaps {
     /// Whether anything is held out.
     pub held_out: bool,
     /// Of records that do not repeat: what is left of levels and of the motion that were held out.
-    pub left: PlateauResidual,
+    pub residual: PlateauResidual,
 }
 
 /// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
 /// what is left, the first one only where `refitted` says so.
 pub(crate) fn compute_gaps(likelihood: &Likelihood, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
-    let (total, records, splits, left) = gaps_of_splits(likelihood, before, after, refitted);
+    let (total, records, splits, residual) = gaps_of_splits(likelihood, before, after, refitted);
     if !splits.is_empty() {
-        return Gaps { total, records, splits, held_out: true, left };
+        return Gaps { total, records, splits, held_out: true, residual };
     }
     let held_out = likelihood.data.records.iter().any(|record| likelihood.has(record, Split::Holdout));
     let split = if held_out { Split::Holdout } else { Split::Train };
     let (total, records) = compute_gap(likelihood, before, after, split);
-    let left = PlateauResidual::compute((likelihood, before), (likelihood, after), split).unwrap_or_default();
-    Gaps { total, records, splits, held_out, left }
+    let residual = PlateauResidual::compute((likelihood, before), (likelihood, after), split).unwrap_or_default();
+    Gaps { total, records, splits, held_out, residual }
 }

@@ -10,7 +10,7 @@ use std::fmt;
 use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 use rotorlead_plant::effect::Site;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::plateau_errors::{ComparedRows, mean};
@@ -93,7 +93,7 @@ impl Lateness {
 }
 
 /// By how much the measured response has begun later than the simulated one.
-fn late(record: &Record, part: &ComparedRows, simulated: &[f64]) -> Option<f64> {
+fn late(record: &PreparedRecord, part: &ComparedRows, simulated: &[f64]) -> Option<f64> {
     if part.settled.is_empty() || part.before.is_empty() || part.shown < 1.0 {
         return None;
     }

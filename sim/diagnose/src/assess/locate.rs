@@ -86,8 +86,8 @@ pub struct MapCell {
 pub(crate) fn map(likelihood: &Likelihood, before: &Hypothesis, after: &Hypothesis) -> Vec<MapCell> {
     let mut cells: Vec<MapCell> = Vec::new();
     for record in &likelihood.data.records {
-        let left = [before, after].map(|hypothesis| likelihood.for_record(record).terms(hypothesis, Split::Train));
-        for (term, improved) in left[0].iter().zip(&left[1]) {
+        let residual = [before, after].map(|hypothesis| likelihood.for_record(record).terms(hypothesis, Split::Train));
+        for (term, improved) in residual[0].iter().zip(&residual[1]) {
             let Some(line) = term.line else { continue };
             let (nominal, band_hz) = (record.nominal, band(line.hz));
             let place = cells.iter().position(|cell| (cell.nominal, cell.band_hz) == (nominal, band_hz));

@@ -113,16 +113,16 @@ pub(crate) fn gaps_of_splits(
             let held_out = fold.data.records.iter().enumerate().filter(|(_, record)| fold.has(record, Split::Holdout));
             let evaluated = held_out
                 .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
-            let left = PlateauResidual::compute((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
-            (*words, evaluated.collect(), left)
+            let residual = PlateauResidual::compute((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
+            (*words, evaluated.collect(), residual)
         })
         .collect();
     let mut total = SquaredResiduals::default();
     let mut records = vec![SquaredResiduals::default(); likelihood.data.records.len()];
     let mut splits = Vec::new();
-    let mut left = PlateauResidual::default();
+    let mut residual = PlateauResidual::default();
     for (split, parts, of_split) in evaluated {
-        left.add(of_split);
+        residual.add(of_split);
         let mut sum = SquaredResiduals::default();
         for (place, part) in parts {
             records[place].add(part);
@@ -137,5 +137,5 @@ pub(crate) fn gaps_of_splits(
         nominal: record.nominal,
         gap: squares.gap(),
     });
-    (total.gap(), records.collect(), splits, left)
+    (total.gap(), records.collect(), splits, residual)
 }

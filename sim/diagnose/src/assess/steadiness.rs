@@ -10,7 +10,7 @@ use rotorlead_fourier as fourier;
 use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::likelihood::Likelihood;
 use crate::likelihood::periodic::BEYOND_EXCITED;
 use crate::model::hypothesis::Hypothesis;
@@ -70,18 +70,18 @@ pub(crate) fn steadiness(likelihood: &Likelihood, hypothesis: &Hypothesis) -> St
 }
 
 /// Power of what is left between the harmonics over time, its mean 1, as often as the compared band asks for.
-fn power_in_time(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
+fn power_in_time(likelihood: &Likelihood, record: &PreparedRecord, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
     let periods = record.periods();
     if periods < 2 {
         return None;
     }
-    let (_, mut left) = hypothesis.aligned(&likelihood.data, record)?;
-    left.truncate(periods * record.period_rows);
-    let density = NoiseDensity::between_harmonics(&left, periods, record.rate_hz)?;
-    let mut whitening = Whitening::unit(left.len());
+    let (_, mut residual) = hypothesis.aligned(&likelihood.data, record)?;
+    residual.truncate(periods * record.period_rows);
+    let density = NoiseDensity::between_harmonics(&residual, periods, record.rate_hz)?;
+    let mut whitening = Whitening::unit(residual.len());
     whitening.set_noise(&density, record.rate_hz);
-    let mut lines = whitening.apply(&left);
-    let highest = BEYOND_EXCITED * record.highest_hz * left.len() as f64 / record.rate_hz;
+    let mut lines = whitening.apply(&residual);
+    let highest = BEYOND_EXCITED * record.highest_hz * residual.len() as f64 / record.rate_hz;
     lines.truncate(highest as usize);
     // What repeats is evaluated elsewhere.
     lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);

@@ -9,7 +9,7 @@
 use serde::Serialize;
 use std::fmt;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
@@ -85,7 +85,12 @@ pub(crate) fn timing(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Timing
 }
 
 /// Of one record, both ways.
-fn record_scatter(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Scatter> {
+fn record_scatter(
+    likelihood: &Likelihood,
+    record: &PreparedRecord,
+    hypothesis: &Hypothesis,
+    split: Split,
+) -> Option<Scatter> {
     // Frames that do not show make a change wait for anything up to a frame.
     let hidden = hypothesis.effects.iter().filter(|effect| effect.is_hidden_hold()).find_map(frame_s).unwrap_or(0.0);
     let adjoint = Adjoint::for_split(likelihood, record, hypothesis, split)?;

@@ -68,7 +68,7 @@ pub(crate) struct Evidence {
     pub is_timely: bool,
     /// Where there are records that do not repeat: the shares of the power that is left of levels and of the motion, on what was
     /// fitted and on what was held out.
-    pub left_of_logs: Option<[[Option<f64>; 2]; 2]>,
+    pub residual_of_logs: Option<[[Option<f64>; 2]; 2]>,
 }
 
 impl Evidence {
@@ -97,12 +97,12 @@ impl Evidence {
     fn explains(&self) -> bool {
         let Gap { before, after, noise_floor } = self.gap.squared();
         let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;
-        self.left() < self.most_left() && (self.steadiness.is_noise() || outweighs_bursts())
+        self.residual_share() < self.most_left() && (self.steadiness.is_noise() || outweighs_bursts())
     }
 
     /// The share of the gap that an explanation may leave.
     fn most_left(&self) -> f64 {
-        match self.left_of_logs {
+        match self.residual_of_logs {
             _ if self.is_all() => POLICY.most_left_of_held_out,
             Some(_) => POLICY.most_left_of_logs,
             None => POLICY.most_left,
@@ -111,19 +111,19 @@ impl Evidence {
 
     /// Why effects that were found are not named.
     pub fn why_unknown(&self) -> String {
-        let (left, most) = (self.left(), self.most_left());
+        let (residual_share, most) = (self.residual_share(), self.most_left());
         if !self.is_timely {
             "explanation: the delay is not the same at every step".to_owned()
-        } else if left < most {
+        } else if residual_share < most {
             "explanation: takes away no more than bursts of noise may be off by".to_owned()
-        } else if left >= 1.0 {
+        } else if residual_share >= 1.0 {
             "explanation: leaves no less of the gap than there was".to_owned()
         } else {
             let parts =
-                if self.left_of_logs.is_some() { ", of its levels or its motion where that is less" } else { "" };
+                if self.residual_of_logs.is_some() { ", of its levels or its motion where that is less" } else { "" };
             format!(
                 "explanation: leaves {:.0} % of the power of the gap{parts}, at most {:.0} % accepted",
-                100.0 * left,
+                100.0 * residual_share,
                 100.0 * most
             )
         }
@@ -131,12 +131,12 @@ impl Evidence {
 
     /// The share of the power of the gap that is left, of what was fitted or of what was held out, the larger; of logs that of their
     /// levels, or of their motion, where it is less and the gap is no wider.
-    fn left(&self) -> f64 {
+    fn residual_share(&self) -> f64 {
         let Gap { before, after, noise_floor } = self.gap.squared();
         let over = after - WIDE * WIDE * noise_floor - ERRORS * ERRORS * self.unsure;
         let held_out = over.max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE);
         let fitted = if self.is_all() { 0.0 } else { self.excess.1.over() / self.excess.0.over() };
-        let parts = self.left_of_logs.filter(|_| after <= before).into_iter();
+        let parts = self.residual_of_logs.filter(|_| after <= before).into_iter();
         let larger = |(fitted, held_out): (Option<f64>, Option<f64>)| Some(fitted?.max(held_out?));
         let parts = parts.flat_map(|[fitted, held_out]| fitted.into_iter().zip(held_out).filter_map(larger));
         parts.fold(fitted.max(held_out), f64::min)
@@ -164,7 +164,7 @@ mod tests {
             is_rejected: false,
             steadiness: Steadiness::default(),
             is_timely: true,
-            left_of_logs: None,
+            residual_of_logs: None,
         }
     }
 
@@ -176,11 +176,11 @@ mod tests {
 
     #[test]
     fn what_leaves_more_is_a_part_of_it_or_none() {
-        let left =
+        let residual_share =
             |sum: f64| Evidence { excess: (evidence().excess.0, Excess { sum, expected: 7000.0 }), ..evidence() };
-        assert_eq!(left(9000.0).verdict(), Verdict::PartlyNamed);
-        assert_eq!(left(40_000.0).verdict(), Verdict::Unknown);
-        assert_eq!(Evidence { finding: Finding::Nothing, ..left(9000.0) }.verdict(), Verdict::Unknown);
+        assert_eq!(residual_share(9000.0).verdict(), Verdict::PartlyNamed);
+        assert_eq!(residual_share(40_000.0).verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { finding: Finding::Nothing, ..residual_share(9000.0) }.verdict(), Verdict::Unknown);
     }
 
     #[test]
@@ -195,8 +195,8 @@ mod tests {
     fn other_numbers_that_leave_more_than_noise_are_no_story() {
         let alone = Evidence { finding: Finding::Numbers, ..evidence() };
         assert_eq!(alone.verdict(), Verdict::Named);
-        let left = (evidence().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
-        assert_eq!(Evidence { excess: left, ..alone }.verdict(), Verdict::Unknown);
+        let residual_share = (evidence().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
+        assert_eq!(Evidence { excess: residual_share, ..alone }.verdict(), Verdict::Unknown);
         let little = (evidence().excess.0, Excess { sum: 7700.0, expected: 7000.0 });
         assert_eq!(Evidence { excess: little, ..evidence() }.verdict(), Verdict::Named);
         assert_eq!(Evidence { excess: little, ..alone }.verdict(), Verdict::Unknown);

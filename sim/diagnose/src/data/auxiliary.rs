@@ -130,7 +130,7 @@ fn nearest(columns: &[Vec<Complex64>], measured: &[Complex64]) -> Option<Vec<f64
     let cosine = |i: usize, j: usize| over(i, &columns[moves[j]]) / lengths[moves[j]];
     let right = DVector::from_fn(moves.len(), |i, _| over(i, measured));
     let cosines = DMatrix::from_fn(moves.len(), moves.len(), cosine);
-    let solution = rotorlead_numerics::linear::solve(cosines, &right, 1e-9)?;
+    let solution = rotorlead_numerics::linear::linear_least_squares(cosines, &right, 1e-9)?;
     moves.iter().zip(solution.iter()).for_each(|(&index, factor)| factors[index] = factor / lengths[index]);
     Some(factors)
 }

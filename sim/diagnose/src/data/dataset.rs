@@ -10,7 +10,7 @@ use rotorlead_identify::rows::columns::response_column;
 use rotorlead_identify::simulation::periodic::{commands_per_row, upsampled};
 use rotorlead_numerics::sample::{mean, median};
 use rotorlead_plant::{Lag, OperatingCurve};
-use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role, SAME_NOMINAL};
+use rotorlead_records::{Excitation, Experiment, Output, Record, Role, SAME_NOMINAL};
 
 use super::auxiliary::{AuxiliaryChannel, auxiliary_channels};
 use super::columns::{Channel, Column, channels};
@@ -53,7 +53,7 @@ pub(crate) struct Segment {
 
 /// One record, prepared. Rows are shared with its copies.
 #[derive(Clone, Debug)]
-pub(crate) struct Record {
+pub(crate) struct PreparedRecord {
     /// The record's file.
     pub file: String,
     /// Its place among the records.
@@ -122,7 +122,7 @@ pub(crate) struct Dataset {
     /// The nominal commands, increasing.
     pub nominals: Vec<f64>,
     /// The records.
-    pub records: Vec<Record>,
+    pub records: Vec<PreparedRecord>,
     /// Those that are not compared.
     pub left_out: Vec<LeftOut>,
     /// A model over a range of levels, which staircases and the like follow, with the numbers at each nominal command.
@@ -142,7 +142,7 @@ impl Dataset {
         // How a speed follows from the command is read off level by level, and is not an effect. That of a given model is judged.
         let has_free_map = !is_model_given && experiment.output == Output::Rpm;
         let mut left_out = Vec::new();
-        let mut sources: Vec<(&SourceRecord, Option<Prepared>)> = Vec::new();
+        let mut sources: Vec<(&Record, Option<Prepared>)> = Vec::new();
         for source in &experiment.records {
             if source.excitation == Excitation::Steady {
                 let reason = "a table of steady points shows no motion";
@@ -173,8 +173,8 @@ impl Dataset {
             let point = nominals.iter().position(|nominal| (nominal - source.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
             let mut record = match prepared {
-                Some(prepared) => Record::from_log(source, experiment.output, prepared, point)?,
-                None => Record::new(experiment, source, point)?,
+                Some(prepared) => PreparedRecord::from_log(source, experiment.output, prepared, point)?,
+                None => PreparedRecord::new(experiment, source, point)?,
             };
             record.place = place;
             record.split(source.role, kept_back);
@@ -207,7 +207,7 @@ impl Dataset {
     }
 
     /// The same with other records.
-    pub fn with_records(&self, records: Vec<Record>) -> Self {
+    pub fn with_records(&self, records: Vec<PreparedRecord>) -> Self {
         Self {
             nominals: self.nominals.clone(),
             records,
@@ -219,15 +219,15 @@ impl Dataset {
     }
 
     /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
-    pub fn operating_curve(&self, record: &Record) -> Option<(&OperatingCurve, Lag)> {
+    pub fn operating_curve(&self, record: &PreparedRecord) -> Option<(&OperatingCurve, Lag)> {
         let (curve, given) = self.curve.as_ref()?;
         let is_wide = record.log.is_some() && matches!(record.excitation, Excitation::Staircase | Excitation::Free);
         is_wide.then(|| (curve, given[record.point]))
     }
 }
 
-impl Record {
-    fn new(experiment: &Experiment, source: &SourceRecord, point: usize) -> Result<Self, DiagnoseError> {
+impl PreparedRecord {
+    fn new(experiment: &Experiment, source: &Record, point: usize) -> Result<Self, DiagnoseError> {
         let file = || source.file.clone();
         let measured = response_column(source, experiment.output)?;
         let command = applied(source)?;
@@ -286,12 +286,7 @@ impl Record {
     }
 
     /// A record that does not repeat.
-    fn from_log(
-        source: &SourceRecord,
-        output: Output,
-        prepared: Prepared,
-        point: usize,
-    ) -> Result<Self, DiagnoseError> {
+    fn from_log(source: &Record, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
         let Prepared { rows, blocks, measured, mean_response, log } = prepared;
         let command = &applied(source)?[rows.clone()];
         let time_s = &source.time_s[rows.clone()];
@@ -408,7 +403,7 @@ impl Record {
 
     /// Without mains hum: what of it a residual of the whole record shows.
     pub fn without_hum(mut self, residual: &[f64]) -> Self {
-        let hum = hum::find(residual, self.rate_hz, self.highest_hz);
+        let hum = hum::estimate_hum(residual, self.rate_hz, self.highest_hz);
         if !hum.is_empty() {
             self.measured = self.measured.iter().zip(&hum).map(|(measured, hum)| measured - hum).collect();
         }
@@ -458,7 +453,7 @@ fn repeats(command: &[f64], time_s: &[f64], period_rows: usize) -> bool {
 }
 
 /// The command to the ESC at each row.
-fn applied(source: &SourceRecord) -> Result<&[f64], IdentifyError> {
+fn applied(source: &Record) -> Result<&[f64], IdentifyError> {
     if source.compensated {
         let file = || source.file.clone();
         source.esc_command.as_deref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })

@@ -2,7 +2,7 @@
 
 use rotorlead_plant::{CommandSignal, Interpolation, Memory, Start};
 
-use super::dataset::{Before, Record};
+use super::dataset::{Before, PreparedRecord};
 
 /// Shortest time constant that rows show which do not repeat, in parts of the time between them. Derived: a row after a step `e^(-1/0.3)`,
 /// 4 %, of it is left, about what a level is off by. Lower costs time.
@@ -11,7 +11,7 @@ const LEAST_PART_OF_ROW: f64 = 0.3;
 /// thousand at best. Derived: a step of a quarter of the time constant errs by `0.25^5 / 120`, 8e-6.
 const LONGER_STEPS: f64 = 2.5;
 
-impl Record {
+impl PreparedRecord {
     /// The applied commands up to so many rows; from row to row where that is wanted, and will do.
     pub fn input_signal(&self, rows: usize, in_rows: bool) -> (CommandSignal<'_>, Interpolation) {
         if self.log.is_some() {
@@ -39,7 +39,7 @@ impl Record {
                     Memory::Seconds(memory_s) => memory_s.min(period_s),
                     Memory::TurningPoints(_) | Memory::Lasting => period_s,
                 };
-                Start::Running { period_s, lead_s }
+                Start::PartOfPeriod { period_s, lead_s }
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use rotorlead_plant::{Actuator, CommandSignal, EscTiming, Lag, OperatingPoint, Start, simulate_response};
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 
 /// Shortest time constant that is tried, seconds. Chosen: below any propeller's; a search goes on from it.
 const FROM_S: f64 = 0.004;
@@ -13,7 +13,7 @@ const TO_S: f64 = 4.0;
 const FACTOR: f64 = 1.5;
 
 /// The lag with offset that fits a log best, rows independent: good enough to begin a search with.
-pub(crate) fn first_lag(record: &Record) -> Option<Lag> {
+pub(crate) fn first_lag(record: &PreparedRecord) -> Option<Lag> {
     let log = record.log.as_ref()?;
     let count: f64 = log.scatter.iter().map(|(rows, _)| rows).sum();
     let mean =

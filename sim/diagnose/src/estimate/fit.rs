@@ -175,7 +175,7 @@ impl NormalEquations for WhiteResiduals<'_> {
         Some(FitPoint { hypothesis, sum, gradient })
     }
 
-    fn is_blocked(&self, at: &FitPoint, parameter: usize, step: f64) -> bool {
+    fn is_at_bound(&self, at: &FitPoint, parameter: usize, step: f64) -> bool {
         let coordinate = self.coordinates[parameter];
         let here = at.hypothesis.get(coordinate);
         let mut moved = at.hypothesis.clone();

@@ -8,7 +8,7 @@ use rotorlead_numerics::statistics::t_quantile;
 
 use super::fit::Fit;
 use super::stair;
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -85,7 +85,7 @@ pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: u
     let evaluate = |offset_hz: f64| -> Option<Vec<f64>> {
         let hypothesis = at_rate(likelihood, known, effect, hz + offset_hz);
         let fitted = likelihood.data.records.par_iter().filter(|record| likelihood.has(record, Split::Train));
-        let residual = |record: &Record| likelihood.residual(record, &hypothesis, Split::Train);
+        let residual = |record: &PreparedRecord| likelihood.residual(record, &hypothesis, Split::Train);
         fitted.map(|record| Some(residual(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
     };
     let here: f64 = evaluate(0.0)?.iter().sum();
@@ -153,7 +153,7 @@ pub(crate) fn at_rate(likelihood: &Likelihood, known: &Hypothesis, effect: usize
 /// of it.
 pub(crate) fn refined(
     likelihood: &Likelihood,
-    record: &Record,
+    record: &PreparedRecord,
     mut hypothesis: Hypothesis,
     effect: usize,
     offsets: &[f64],

@@ -5,7 +5,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_numerics::normal_equations::{damped_step, floored_diagonal};
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{Coordinate, Hypothesis};
@@ -51,7 +51,7 @@ fn priors(likelihood: &Likelihood, hypothesis: &Hypothesis, coordinates: &[Coord
 /// Columns of the derivatives of what `white` makes of one record, `at` with `hypothesis`, with the places of their coordinates.
 /// That by the gain without a difference, where `by_gain` knows it.
 pub(crate) fn columns(
-    record: &Record,
+    record: &PreparedRecord,
     hypothesis: &Hypothesis,
     coordinates: &[Coordinate],
     effect_step: f64,
@@ -160,7 +160,7 @@ impl Linearization {
         &self,
         likelihood: &Likelihood,
         hypothesis: &Hypothesis,
-        white: impl Fn(usize, &Record) -> Option<Vec<Complex64>> + Sync,
+        white: impl Fn(usize, &PreparedRecord) -> Option<Vec<Complex64>> + Sync,
     ) -> Option<(f64, DVector<f64>)> {
         let parts: Option<Vec<_>> = likelihood
             .data

@@ -16,7 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::estimate::fit::Fit;
 use crate::estimate::linearization::{EFFECT_STEP, columns};
 use crate::model::hypothesis::Hypothesis;
@@ -42,10 +42,10 @@ struct RecordContribution {
 
 /// Minus twice the log likelihood of what `white` makes of these records, but for a constant. `None` where the fit is impossible there.
 pub(crate) fn white_deviance(
-    unseen: &[&Record],
+    unseen: &[&PreparedRecord],
     fit: &Fit,
     most_steps: usize,
-    white: impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+    white: impl Fn(&PreparedRecord, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
 ) -> Option<f64> {
     let count = fit.coordinates.len();
     let information = DMatrix::identity(count, count) * INFORMATION_BEFORE + &fit.information;
@@ -58,7 +58,7 @@ pub(crate) fn white_deviance(
         for (place, coordinate) in fit.coordinates.iter().enumerate() {
             hypothesis.set(*coordinate, begin[place] + moved[place]);
         }
-        let of_record = |record: &&Record| {
+        let of_record = |record: &&PreparedRecord| {
             let at = white(record, &hypothesis)?;
             let white = |hypothesis: &Hypothesis| white(record, hypothesis);
             let columns = columns(record, &hypothesis, &fit.coordinates, EFFECT_STEP, (&at, || None), white)?;
@@ -108,7 +108,8 @@ mod tests {
     /// That of what is held out.
     fn deviance(likelihood: &Likelihood, fit: &Fit, most_steps: usize) -> Option<f64> {
         let held_out = likelihood.compared(Split::Holdout);
-        let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
+        let white =
+            |record: &PreparedRecord, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
         white_deviance(&held_out, fit, most_steps, white)
     }
 
@@ -132,7 +133,7 @@ mod tests {
             lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
         };
         let was_refused = AtomicBool::new(false);
-        let white = |record: &Record, hypothesis: &Hypothesis| {
+        let white = |record: &PreparedRecord, hypothesis: &Hypothesis| {
             if !near(hypothesis) {
                 was_refused.store(true, Ordering::Relaxed);
                 return None;

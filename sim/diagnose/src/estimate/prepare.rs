@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::data::dataset::{Before, Dataset, Record};
+use crate::data::dataset::{Before, Dataset, PreparedRecord};
 use crate::estimate::fit::fit;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -27,7 +27,7 @@ pub(crate) fn prepared(data: Dataset, base: &Hypothesis, lags: bool) -> Option<D
 fn without_hum(data: Dataset, base: &Hypothesis, lags: bool) -> Option<Dataset> {
     let data = Arc::new(data);
     let lags = fit(&Likelihood::unit(Arc::clone(&data)), base, lags)?.hypothesis;
-    let without = |record: &Record| match lags.aligned(&data, record).filter(|_| record.log.is_none()) {
+    let without = |record: &PreparedRecord| match lags.aligned(&data, record).filter(|_| record.log.is_none()) {
         Some((_, residual)) => record.clone().without_hum(&residual),
         None => record.clone(),
     };
@@ -38,14 +38,14 @@ fn without_hum(data: Dataset, base: &Hypothesis, lags: bool) -> Option<Dataset> 
 /// of one experiment are taken in one way: only a decay that is large beside the response makes one an exception.
 fn with_initial_conditions(mut data: Dataset, hypothesis: &Hypothesis) -> Dataset {
     const EITHER: [Before; 2] = [Before::Rest, Before::Periods];
-    let decays_of = |record: &Record| {
+    let decays_of = |record: &PreparedRecord| {
         let swing = hypothesis.base[record.point].gain.abs() * record.amplitude;
         EITHER.map(|before| {
-            let record = Record { before, ..record.clone() };
+            let record = PreparedRecord { before, ..record.clone() };
             hypothesis.aligned(&data, &record).map_or(f64::INFINITY, |(decay, _)| decay.abs() / swing)
         })
     };
-    let of_periodic = |record: &Record| record.log.is_none().then(|| decays_of(record));
+    let of_periodic = |record: &PreparedRecord| record.log.is_none().then(|| decays_of(record));
     let decays: Vec<Option<[f64; 2]>> = data.records.iter().map(of_periodic).collect();
     let squares = |way: usize| decays.iter().flatten().map(|decays| decays[way] * decays[way]).sum::<f64>();
     let usual = usize::from(squares(1) < squares(0));

@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_plant::effect::Site;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::linearization::Linearization;
@@ -43,7 +43,7 @@ fn is_slow(candidate: &Candidate) -> bool {
 impl Chain {
     /// That of `quick`, where `left` is what the fit leaves of each record.
     fn new(likelihood: &Likelihood, quick: Hypothesis, residual: &[&[Complex64]]) -> Option<Self> {
-        let of_record = |(record, residual): (&Record, &&[Complex64])| {
+        let of_record = |(record, residual): (&PreparedRecord, &&[Complex64])| {
             if residual.is_empty() {
                 return Some(Vec::new());
             }

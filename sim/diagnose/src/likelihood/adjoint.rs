@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rotorlead_fourier as fourier;
 
-use crate::data::dataset::{Record, Segment};
+use crate::data::dataset::{PreparedRecord, Segment};
 use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -27,14 +27,14 @@ pub(crate) struct Adjoint<'a> {
 
 impl<'a> Adjoint<'a> {
     /// Of what is fitted or else of what is held out.
-    pub fn new(likelihood: &'a Likelihood, record: &'a Record, hypothesis: &Hypothesis) -> Option<Self> {
+    pub fn new(likelihood: &'a Likelihood, record: &'a PreparedRecord, hypothesis: &Hypothesis) -> Option<Self> {
         Self::for_split(likelihood, record, hypothesis, record.segments.first()?.split)
     }
 
     /// The same of what is in a split. `None` where nothing is.
     pub fn for_split(
         likelihood: &'a Likelihood,
-        record: &'a Record,
+        record: &'a PreparedRecord,
         hypothesis: &Hypothesis,
         split: Split,
     ) -> Option<Self> {
@@ -72,7 +72,7 @@ impl<'a> Adjoint<'a> {
 }
 
 /// The command applied at each row of a segment, and before the first, as the clock of `hypothesis` has it.
-pub(crate) fn applied(record: &Record, segment: &Segment, hypothesis: &Hypothesis) -> (f64, Vec<f64>) {
+pub(crate) fn applied(record: &PreparedRecord, segment: &Segment, hypothesis: &Hypothesis) -> (f64, Vec<f64>) {
     let (clock, last) = (hypothesis.clock(record), record.command.len() - 1);
     let at = |row: usize| {
         let place = (clock * row as f64).round() as usize * record.commands_per_row;

@@ -14,7 +14,7 @@
 
 use rayon::prelude::*;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
@@ -59,7 +59,7 @@ fn sum_over_isolated_steps(
     split: Split,
     of: impl Fn(&IsolatedStep) -> f64 + Sync,
 ) -> f64 {
-    let of_record = |record: &Record| {
+    let of_record = |record: &PreparedRecord| {
         let adjoint = Adjoint::for_split(likelihood, record, hypothesis, split)?;
         Some(
             isolated_steps(record, &adjoint, &changes(record, adjoint.segment, hypothesis))

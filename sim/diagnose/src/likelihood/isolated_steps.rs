@@ -1,6 +1,6 @@
 //! Changes of the command that stand alone, as those of a square wave do.
 
-use crate::data::dataset::{Record, Segment};
+use crate::data::dataset::{PreparedRecord, Segment};
 use crate::likelihood::adjoint::{Adjoint, applied};
 use crate::model::hypothesis::Hypothesis;
 
@@ -19,7 +19,7 @@ pub(crate) struct IsolatedStep {
 }
 
 /// The changes of a segment where they are few and far between; none elsewhere. `changes` are all of them, row by row.
-pub(crate) fn isolated_steps(record: &Record, adjoint: &Adjoint, changes: &[f64]) -> Vec<IsolatedStep> {
+pub(crate) fn isolated_steps(record: &PreparedRecord, adjoint: &Adjoint, changes: &[f64]) -> Vec<IsolatedStep> {
     let applied = changes.iter().enumerate().filter(|(_, change)| **change != 0.0);
     let edge = |(row, change): (usize, &f64)| IsolatedStep {
         at_s: row as f64 / record.rate_hz,
@@ -31,7 +31,7 @@ pub(crate) fn isolated_steps(record: &Record, adjoint: &Adjoint, changes: &[f64]
 }
 
 /// Changes of the command at each row of a segment.
-pub(crate) fn changes(record: &Record, segment: &Segment, hypothesis: &Hypothesis) -> Vec<f64> {
+pub(crate) fn changes(record: &PreparedRecord, segment: &Segment, hypothesis: &Hypothesis) -> Vec<f64> {
     let (mut before, applied) = applied(record, segment, hypothesis);
     applied.into_iter().map(|applied| applied - std::mem::replace(&mut before, applied)).collect()
 }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use rotorlead_plant::Trace;
 use rotorlead_records::Excitation;
 
-use crate::data::dataset::{Dataset, Record};
+use crate::data::dataset::{Dataset, PreparedRecord};
 use crate::data::plateaus::split::{StepSplit, is_fitted};
 use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
@@ -51,7 +51,7 @@ pub(crate) enum RecordWeights {
 }
 
 impl RecordWeights {
-    fn unit(record: &Record) -> Self {
+    fn unit(record: &PreparedRecord) -> Self {
         match &record.log {
             Some(log) => Self::Plateaus(PlateauWeights::unit(log, record.channels.len())),
             None => Self::Periodic(PeriodicWeights::unit(record)),
@@ -74,7 +74,7 @@ pub(crate) trait RecordLikelihood {
     }
 
     /// What a model that was simulated leaves of the columns beside the response. `None` where it says nothing of one.
-    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>>;
+    fn auxiliary_residuals(&self, trace: &Trace) -> Option<Vec<AuxiliaryResidual>>;
 
     /// The weights that a hypothesis gives, by what it leaves beside what is free.
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights>;
@@ -104,7 +104,7 @@ pub(crate) trait RecordLikelihood {
 
 /// What is left of a column beside the response.
 #[derive(Clone, Debug)]
-pub(crate) struct Beside {
+pub(crate) struct AuxiliaryResidual {
     /// Over its standard deviations.
     pub white: Vec<Complex64>,
     /// How many independent numbers that is.
@@ -141,7 +141,7 @@ impl Likelihood {
     }
 
     /// That of one record.
-    pub fn for_record<'a>(&'a self, record: &'a Record) -> Box<dyn RecordLikelihood + 'a> {
+    pub fn for_record<'a>(&'a self, record: &'a PreparedRecord) -> Box<dyn RecordLikelihood + 'a> {
         match &*self.weights[record.place] {
             RecordWeights::Periodic(weights) => {
                 Box::new(Periodic::new(&self.data, record, weights, self.initial_condition))
@@ -151,7 +151,7 @@ impl Likelihood {
     }
 
     /// The record where it repeats.
-    pub fn periodic<'a>(&'a self, record: &'a Record) -> Option<Periodic<'a>> {
+    pub fn periodic<'a>(&'a self, record: &'a PreparedRecord) -> Option<Periodic<'a>> {
         match &*self.weights[record.place] {
             RecordWeights::Periodic(weights) => {
                 Some(Periodic::new(&self.data, record, weights, self.initial_condition))
@@ -161,7 +161,7 @@ impl Likelihood {
     }
 
     /// The record where it does not repeat.
-    pub fn plateaus<'a>(&'a self, record: &'a Record) -> Option<Plateaus<'a>> {
+    pub fn plateaus<'a>(&'a self, record: &'a PreparedRecord) -> Option<Plateaus<'a>> {
         match &*self.weights[record.place] {
             RecordWeights::Periodic(_) => None,
             RecordWeights::Plateaus(weights) => Some(Plateaus::new(&self.data, record, weights)),
@@ -169,17 +169,17 @@ impl Likelihood {
     }
 
     /// Whether something of a record is in a split.
-    pub fn has(&self, record: &Record, split: Split) -> bool {
+    pub fn has(&self, record: &PreparedRecord, split: Split) -> bool {
         self.for_record(record).end(split) > 0
     }
 
     /// The records of which something is in a split.
-    pub fn compared(&self, split: Split) -> Vec<&Record> {
+    pub fn compared(&self, split: Split) -> Vec<&PreparedRecord> {
         self.data.records.iter().filter(|record| self.has(record, split)).collect()
     }
 
     /// The white residual of one record over a split.
-    pub fn residual(&self, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
+    pub fn residual(&self, record: &PreparedRecord, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
         self.for_record(record).residual(hypothesis, split)
     }
 
@@ -232,7 +232,7 @@ impl Likelihood {
 
     /// The same records by the weights that a hypothesis gives; those of a record for which it is impossible stay.
     pub fn weighed(&self, hypothesis: &Hypothesis) -> Self {
-        let weighed = |record: &Record| match self.for_record(record).weighed(hypothesis) {
+        let weighed = |record: &PreparedRecord| match self.for_record(record).weighed(hypothesis) {
             Some(weights) => Arc::new(weights),
             None => Arc::clone(&self.weights[record.place]),
         };
@@ -241,7 +241,7 @@ impl Likelihood {
 
     /// The same with the errors that a hypothesis leaves of records that do not repeat. `None` where it is impossible.
     pub fn with_errors_from(&self, hypothesis: &Hypothesis) -> Option<Self> {
-        let weighed = |record: &Record| match self.plateaus(record) {
+        let weighed = |record: &PreparedRecord| match self.plateaus(record) {
             Some(plateaus) => plateaus.weighed(hypothesis).map(Arc::new),
             None => Some(Arc::clone(&self.weights[record.place])),
         };
@@ -255,7 +255,7 @@ impl Likelihood {
             RecordWeights::Plateaus(own) => Arc::new(RecordWeights::Plateaus(own.assigned(|_| Split::Train))),
             RecordWeights::Periodic(_) => Arc::clone(weights),
         };
-        let records = self.data.records.iter().map(Record::with_all_fitted).collect();
+        let records = self.data.records.iter().map(PreparedRecord::with_all_fitted).collect();
         Self {
             data: Arc::new(self.data.with_records(records)),
             weights: self.weights.iter().map(fitted).collect(),
@@ -264,7 +264,7 @@ impl Likelihood {
     }
 
     /// Some records, the first period of what is fitted of them where they repeat.
-    pub fn first_period(&self, records: &[&Record]) -> Self {
+    pub fn first_period(&self, records: &[&PreparedRecord]) -> Self {
         let mut weights = self.weights.clone();
         for record in records {
             if let RecordWeights::Periodic(own) = &*self.weights[record.place] {
@@ -283,9 +283,10 @@ impl Likelihood {
             return None;
         }
         fitted.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
-        let mut chosen: Vec<&Record> = Vec::new();
+        let mut chosen: Vec<&PreparedRecord> = Vec::new();
         for excitation in [Excitation::Multisine, Excitation::Square, Excitation::Triangle] {
-            let those: Vec<&Record> = fitted.iter().copied().filter(|record| record.excitation == excitation).collect();
+            let those: Vec<&PreparedRecord> =
+                fitted.iter().copied().filter(|record| record.excitation == excitation).collect();
             let mut places: Vec<usize> = [0, those.len().saturating_sub(1)].to_vec();
             places.dedup();
             chosen.extend(places.into_iter().filter_map(|place| those.get(place)));

@@ -6,9 +6,9 @@ use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Trace;
 
 use super::excess::{Excess, Line, Term};
-use super::{Beside, InitialCondition, Power, RecordLikelihood, RecordWeights};
+use super::{AuxiliaryResidual, InitialCondition, Power, RecordLikelihood, RecordWeights};
 use crate::data::auxiliary::AuxiliaryChannel;
-use crate::data::dataset::{Dataset, Record, Segment};
+use crate::data::dataset::{Dataset, PreparedRecord, Segment};
 use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
@@ -26,12 +26,12 @@ pub(crate) struct PeriodicWeights(Vec<Whitening>);
 
 impl PeriodicWeights {
     /// For noise that is not known yet.
-    pub fn unit(record: &Record) -> Self {
+    pub fn unit(record: &PreparedRecord) -> Self {
         Self(record.segments.iter().map(|segment| Whitening::unit(segment.rows.len())).collect())
     }
 
     /// Those of the record's segments that are fitted, each for its first period alone.
-    pub fn first_period(&self, record: &Record) -> Self {
+    pub fn first_period(&self, record: &PreparedRecord) -> Self {
         Self(
             record.segments_in(Split::Train).map(|(place, segment)| self.0[place].shortened(segment.periods)).collect(),
         )
@@ -41,7 +41,7 @@ impl PeriodicWeights {
 /// A record that repeats, with what it is weighed by.
 pub(crate) struct Periodic<'a> {
     data: &'a Dataset,
-    record: &'a Record,
+    record: &'a PreparedRecord,
     weights: &'a PeriodicWeights,
     initial_condition: InitialCondition,
 }
@@ -49,7 +49,7 @@ pub(crate) struct Periodic<'a> {
 impl<'a> Periodic<'a> {
     pub fn new(
         data: &'a Dataset,
-        record: &'a Record,
+        record: &'a PreparedRecord,
         weights: &'a PeriodicWeights,
         initial_condition: InitialCondition,
     ) -> Self {
@@ -126,10 +126,10 @@ impl RecordLikelihood for Periodic<'_> {
         })
     }
 
-    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
+    fn auxiliary_residuals(&self, trace: &Trace) -> Option<Vec<AuxiliaryResidual>> {
         let of_channel = |channel: &AuxiliaryChannel| {
             let white = channel.residual(trace)?;
-            Some(Beside { numbers: 2.0 * white.len() as f64, white })
+            Some(AuxiliaryResidual { numbers: 2.0 * white.len() as f64, white })
         };
         self.record.auxiliary_channels.iter().map(of_channel).collect()
     }

@@ -11,9 +11,9 @@ use rotorlead_numerics::sample;
 use rotorlead_plant::Trace;
 
 use super::excess::{Excess, Term};
-use super::{Beside, Power, RecordLikelihood, RecordWeights};
+use super::{AuxiliaryResidual, Power, RecordLikelihood, RecordWeights};
 use crate::data::columns::Channel;
-use crate::data::dataset::{Dataset, Record};
+use crate::data::dataset::{Dataset, PreparedRecord};
 use crate::data::plateaus::groups::{Group, LogGroups};
 use crate::data::split::Split;
 use crate::model::hypothesis::Hypothesis;
@@ -199,12 +199,12 @@ impl PlateauWeights {
 /// A record that does not repeat, with what it is weighed by.
 pub(crate) struct Plateaus<'a> {
     data: &'a Dataset,
-    record: &'a Record,
+    record: &'a PreparedRecord,
     weights: &'a PlateauWeights,
 }
 
 impl<'a> Plateaus<'a> {
-    pub fn new(data: &'a Dataset, record: &'a Record, weights: &'a PlateauWeights) -> Self {
+    pub fn new(data: &'a Dataset, record: &'a PreparedRecord, weights: &'a PlateauWeights) -> Self {
         Self { data, record, weights }
     }
 
@@ -259,7 +259,8 @@ impl<'a> Plateaus<'a> {
         let count = columns.len();
         let matrix = DMatrix::from_fn(count, count, |i, j| dot(&white[i], &white[j]) * scale(i) * scale(j));
         let right = DVector::from_fn(count, |i, _| dot(&white[i], &measured) * scale(i));
-        let solution = rotorlead_numerics::linear::solve(matrix, &right, 1e-9).unwrap_or_else(|| DVector::zeros(count));
+        let solution = rotorlead_numerics::linear::linear_least_squares(matrix, &right, 1e-9)
+            .unwrap_or_else(|| DVector::zeros(count));
         let factors: Vec<f64> = solution.iter().enumerate().map(|(index, factor)| factor * scale(index)).collect();
         let nearest =
             |row: usize| columns.iter().zip(&factors).map(|(column, factor)| factor * column[row]).sum::<f64>();
@@ -277,12 +278,12 @@ impl RecordLikelihood for Plateaus<'_> {
         Some(white.into_iter().map(Complex64::from).collect())
     }
 
-    fn beside(&self, trace: &Trace) -> Option<Vec<Beside>> {
+    fn auxiliary_residuals(&self, trace: &Trace) -> Option<Vec<AuxiliaryResidual>> {
         let known_by = self.weights.known_by();
         let of_channel = |(channel, filters): (&Channel, &Filters)| {
             let filter = filters.for_split(known_by);
             let white = filter.apply(&self.residual(channel, filter, trace));
-            Beside { white: white.into_iter().map(Complex64::from).collect(), numbers: filter.numbers() }
+            AuxiliaryResidual { white: white.into_iter().map(Complex64::from).collect(), numbers: filter.numbers() }
         };
         Some(self.channels().map(of_channel).collect())
     }

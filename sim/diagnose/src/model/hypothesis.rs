@@ -13,7 +13,7 @@ use rotorlead_plant::{
 use super::candidate::{Candidate, from_coordinate, to_coordinate};
 use super::frame_hold;
 use crate::data::columns::Column;
-use crate::data::dataset::{Dataset, Record};
+use crate::data::dataset::{Dataset, PreparedRecord};
 
 /// How far a value may leave its plausible range in a search, in widths of the range. Chosen: five times what a plausible one may, so that
 /// a search ends where it would, and not on the border. Farther, a flat direction runs off.
@@ -101,9 +101,9 @@ impl Hypothesis {
     /// The same with what logs show: no time constant that is much shorter than the time between rows, and no gain where the static
     /// map is free.
     pub fn limited_by(mut self, data: &Dataset) -> Self {
-        self.has_free_map = data.records.iter().all(Record::has_free_map);
+        self.has_free_map = data.records.iter().all(PreparedRecord::has_free_map);
         // Of several records that with the shortest interval shows most.
-        let shortest = data.records.iter().map(Record::least_time_constant_s).fold(f64::INFINITY, f64::min);
+        let shortest = data.records.iter().map(PreparedRecord::least_time_constant_s).fold(f64::INFINITY, f64::min);
         self.least_s =
             self.least_s.max(if shortest.is_finite() { shortest.min(GREATEST_TIME_CONSTANT_S) } else { 0.0 });
         self
@@ -117,7 +117,7 @@ impl Hypothesis {
     }
 
     /// The same in rows, where that is quicker and nothing acts on single commands.
-    pub fn in_rows(&self, record: &Record) -> Option<Self> {
+    pub fn in_rows(&self, record: &PreparedRecord) -> Option<Self> {
         let is_quicker = !record.first_order_hold.is_empty() && self.effects.iter().all(Candidate::is_even);
         is_quicker.then(|| Self { in_rows: true, ..self.clone() })
     }
@@ -210,14 +210,14 @@ impl Hypothesis {
     }
 
     /// What was measured less the response, over a whole record. `None` for values that no actuator has.
-    pub fn difference(&self, data: &Dataset, record: &Record) -> Option<Vec<f64>> {
+    pub fn difference(&self, data: &Dataset, record: &PreparedRecord) -> Option<Vec<f64>> {
         let simulated = self.simulate(data, record, record.time_s.len()).ok()?;
         let difference: Vec<f64> = record.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
         difference.iter().all(|left| left.is_finite()).then_some(difference)
     }
 
     /// The decay at the begin of a record that it leaves, and what it leaves beside that and an offset.
-    pub fn aligned(&self, data: &Dataset, record: &Record) -> Option<(f64, Vec<f64>)> {
+    pub fn aligned(&self, data: &Dataset, record: &PreparedRecord) -> Option<(f64, Vec<f64>)> {
         let rows = record.rows();
         let simulated = self.simulate(data, record, rows).ok()?;
         let (time_s, measured) = (&record.time_s[..rows], &record.measured[..rows]);
@@ -237,7 +237,7 @@ impl Hypothesis {
     ///
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
-    pub fn simulate(&self, data: &Dataset, record: &Record, rows: usize) -> Result<Vec<f64>, PlantError> {
+    pub fn simulate(&self, data: &Dataset, record: &PreparedRecord, rows: usize) -> Result<Vec<f64>, PlantError> {
         let Some(waits) = self.waits() else {
             return self.simulate_known(data, record, rows);
         };
@@ -260,7 +260,7 @@ impl Hypothesis {
         }))
     }
 
-    fn simulate_known(&self, data: &Dataset, record: &Record, rows: usize) -> Result<Vec<f64>, PlantError> {
+    fn simulate_known(&self, data: &Dataset, record: &PreparedRecord, rows: usize) -> Result<Vec<f64>, PlantError> {
         let base = &self.base[record.point];
         let steady = record.mean_response - base.gain * (record.mean_command - record.nominal);
         let response = self.simulate_around(data, record, rows, steady)?;
@@ -285,7 +285,7 @@ impl Hypothesis {
     fn steady_part(
         &self,
         data: &Dataset,
-        record: &Record,
+        record: &PreparedRecord,
         response: &[f64],
         (steady, off): (f64, f64),
     ) -> Result<Vec<f64>, PlantError> {
@@ -318,7 +318,7 @@ impl Hypothesis {
         Ok(part)
     }
 
-    fn point(&self, record: &Record, response: f64) -> OperatingPoint {
+    fn point(&self, record: &PreparedRecord, response: f64) -> OperatingPoint {
         let base = &self.base[record.point];
         let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
         OperatingPoint { nominal: record.nominal, lag, response }
@@ -326,7 +326,7 @@ impl Hypothesis {
 
     /// The frequency response of all that is behind the effects on the command, as far as it is linear. Frames make it late by their
     /// mean wait: what another wait of one change does is not smoothed by the hold of all.
-    pub fn frequency_response(&self, record: &Record, omega_rad_s: f64) -> Complex64 {
+    pub fn frequency_response(&self, record: &PreparedRecord, omega_rad_s: f64) -> Complex64 {
         let point = self.point(record, record.mean_response);
         self.effects.iter().fold(point.lag.frequency_response(omega_rad_s), |product, effect| {
             if effect.has_frames() {
@@ -340,7 +340,7 @@ impl Hypothesis {
     }
 
     /// How long a second of the logger is for the controller, seconds.
-    pub fn clock(&self, record: &Record) -> f64 {
+    pub fn clock(&self, record: &PreparedRecord) -> f64 {
         let base = RotorBase::Linear(self.point(record, record.mean_response));
         let at_logger = self.effects.iter().filter(|effect| effect.kind.site == Site::Logger);
         let skew = |effect: &Candidate| match (effect.kind.part)(&effect.values, &base) {
@@ -352,7 +352,7 @@ impl Hypothesis {
 
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
     /// that no actuator has.
-    pub fn trace(&self, data: &Dataset, record: &Record) -> Option<Trace> {
+    pub fn trace(&self, data: &Dataset, record: &PreparedRecord) -> Option<Trace> {
         if let Some(waits) = self.waits() {
             let [mut mean, other] = [waits[0].trace(data, record)?, waits[1].trace(data, record)?];
             mean.speed.iter_mut().zip(&other.speed).for_each(|(mean, speed)| *mean = 0.5 * (*mean + speed));
@@ -381,7 +381,7 @@ impl Hypothesis {
     fn simulate_around(
         &self,
         data: &Dataset,
-        record: &Record,
+        record: &PreparedRecord,
         rows: usize,
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
@@ -397,7 +397,7 @@ impl Hypothesis {
     fn actuator(
         &self,
         data: &Dataset,
-        record: &Record,
+        record: &PreparedRecord,
         rows: usize,
         response: f64,
     ) -> Result<(Actuator, Start, Vec<f64>), PlantError> {

@@ -2,6 +2,9 @@
 //!
 //! Their frequency is no whole number of periods of a record, so they leak onto its lines; and where it is, they repeat as the
 //! response does. Neither is noise that a smooth density describes, nor anything that a motor does.
+//!
+//! The search of `identify::spectra::noise::sinusoid` is another one: it looks at what turns between the periods of a record, and this
+//! one at a single residual, of a record that need not repeat.
 
 use std::f64::consts::TAU;
 
@@ -13,13 +16,13 @@ use crate::noise::whitening::Whitening;
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 /// How far the grid may be off. Standard: 0.25 Hz of 50 Hz covers the 0.2 Hz that Continental Europe allows in steady state (Regulation
 /// (EU) 2017/1485, annex III). More would take in lines of noise, and less miss a grid at its limit.
-const OFF: f64 = 0.005;
+const MAINS_TOLERANCE: f64 = 0.005;
 /// A line has to stand out of its surroundings by this factor of power. Derived: a line of noise does with `e^-16`, with 1e-6 where its
 /// surroundings are known to 13 %; the largest of some hundred lines does once in thousands of records.
-const STANDS_OUT: f64 = 16.0;
+const PEAK_OVER_BACKGROUND: f64 = 16.0;
 /// Lines to either side that are the surroundings. Derived: the median of 121 exponential variables is known to
 /// `1 / (ln 2 sqrt(121))`, 13 %. More reach farther over a density that is not level.
-const SURROUNDINGS: usize = 60;
+const BACKGROUND_LINES: usize = 60;
 /// Multiples that are looked for where the hum itself is there. Chosen: iron and rectifiers make the first few large; each costs one
 /// transform.
 const MULTIPLES: u32 = 5;
@@ -29,11 +32,11 @@ const NARROWINGS: u32 = 30;
 
 /// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
 /// there is none.
-pub(crate) fn find(residual: &[f64], rate_hz: f64, excited_hz: f64) -> Vec<f64> {
+pub(crate) fn estimate_hum(residual: &[f64], rate_hz: f64, excited_hz: f64) -> Vec<f64> {
     let mut hum = Vec::new();
-    for mains_hz in MAINS_HZ.into_iter().filter(|mains_hz| mains_hz * (1.0 - OFF) > excited_hz) {
+    for mains_hz in MAINS_HZ.into_iter().filter(|mains_hz| mains_hz * (1.0 - MAINS_TOLERANCE) > excited_hz) {
         let mut left = residual.to_vec();
-        let Some(fundamental_hz) = find_near(&left, rate_hz, mains_hz, mains_hz * OFF) else { continue };
+        let Some(fundamental_hz) = find_near(&left, rate_hz, mains_hz, mains_hz * MAINS_TOLERANCE) else { continue };
         let resolution_hz = rate_hz / residual.len() as f64;
         let mut sum = vec![0.0; residual.len()];
         for multiple in 1..=MULTIPLES {
@@ -60,14 +63,14 @@ fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> 
     let line_of = |hz: f64| (hz / line_hz).round() as usize;
     let near = line_of(hz - reach_hz).max(1)..(line_of(hz + reach_hz) + 1).min(spectrum.len());
     let peak = near.max_by(|a, b| spectrum[*a].norm_sqr().total_cmp(&spectrum[*b].norm_sqr()))?;
-    let around = peak.saturating_sub(SURROUNDINGS)..(peak + SURROUNDINGS + 1).min(spectrum.len());
+    let around = peak.saturating_sub(BACKGROUND_LINES)..(peak + BACKGROUND_LINES + 1).min(spectrum.len());
     // The median of an exponential variable is ln 2 of its mean.
     let mean = median(around.map(|line| spectrum[line].norm_sqr()))? / 2.0_f64.ln();
-    if spectrum[peak].norm_sqr() < STANDS_OUT * mean || mean == 0.0 {
+    if spectrum[peak].norm_sqr() < PEAK_OVER_BACKGROUND * mean || mean == 0.0 {
         return None;
     }
     let power = |hz: f64| {
-        let (re, im) = product(rows, rate_hz, hz);
+        let (re, im) = fourier_sums(rows, rate_hz, hz);
         re * re + im * im
     };
     let (mut low, mut high) = ((peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz);
@@ -79,7 +82,7 @@ fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> 
 }
 
 /// `sum x cos` and `sum x sin` at a frequency.
-fn product(rows: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
+fn fourier_sums(rows: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
     let step = num_complex::Complex64::cis(TAU * hz / rate_hz);
     let mut turn = num_complex::Complex64::ONE;
     let (mut re, mut im) = (0.0, 0.0);
@@ -93,7 +96,7 @@ fn product(rows: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
 
 /// The sinusoid of that frequency that fits best, by least squares over many of its periods.
 fn sinusoid_at(rows: &[f64], rate_hz: f64, hz: f64) -> Vec<f64> {
-    let (re, im) = product(rows, rate_hz, hz);
+    let (re, im) = fourier_sums(rows, rate_hz, hz);
     let scale = 2.0 / rows.len() as f64;
     let angle = TAU * hz / rate_hz;
     (0..rows.len()).map(|row| scale * (re * (angle * row as f64).cos() + im * (angle * row as f64).sin())).collect()
@@ -111,17 +114,18 @@ mod tests {
     fn hum_is_taken_out_to_below_the_noise_and_noise_stays() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let noise: Vec<f64> = (0..30_000).map(|_| StandardNormal.sample(&mut rng)).collect();
-        assert!(find(&noise, 1000.0, 30.0).is_empty());
+        assert!(estimate_hum(&noise, 1000.0, 30.0).is_empty());
         for hz in [49.93, 50.0, 60.11] {
             let hum: Vec<f64> = (0..30_000)
                 .map(|row| TAU * hz * f64::from(row) / 1000.0)
                 .map(|angle| (angle + 1.0).sin() + 0.3 * (3.0 * angle + 2.0).sin())
                 .collect();
             let rows: Vec<f64> = noise.iter().zip(&hum).map(|(noise, hum)| noise + hum).collect();
-            let off: f64 = find(&rows, 1000.0, 30.0).iter().zip(&hum).map(|(found, hum)| (found - hum).powi(2)).sum();
+            let off: f64 =
+                estimate_hum(&rows, 1000.0, 30.0).iter().zip(&hum).map(|(found, hum)| (found - hum).powi(2)).sum();
             // Amplitude, phase and frequency of two sinusoids take about one row's variance each.
             assert!(off < 25.0, "{hz} Hz: {off}");
-            assert!(find(&rows, 1000.0, 80.0).is_empty(), "what is excited is the motor's");
+            assert!(estimate_hum(&rows, 1000.0, 80.0).is_empty(), "what is excited is the motor's");
         }
     }
 }

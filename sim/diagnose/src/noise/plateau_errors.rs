@@ -57,7 +57,7 @@ pub(crate) struct ComparedRows {
     /// Size of the step that leads there, as measured.
     pub size: f64,
     /// By how much the response may have left the level before on the row on which the command changes: a standard deviation.
-    pub left: f64,
+    pub departure_std: f64,
     /// That row, and its standard deviation, where it stands for the level before.
     pub enters: Option<(usize, f64)>,
     /// How many independent numbers the level is.
@@ -77,7 +77,7 @@ impl Default for ComparedRows {
             before: Vec::new(),
             moving: Vec::new(),
             size: 1.0,
-            left: 0.0,
+            departure_std: 0.0,
             enters: None,
             independent_level: 1.0,
             level_std: 0.0,
@@ -104,7 +104,7 @@ impl ComparedRows {
     pub fn entered(self, first: usize, noise: f64) -> Self {
         let is_step = !self.settled.is_empty() && !self.before.is_empty();
         let is_kept = self.moving.first().is_some_and(|(row, _)| *row == first);
-        Self { enters: (is_step && is_kept).then_some((first, noise.hypot(self.left))), ..self }
+        Self { enters: (is_step && is_kept).then_some((first, noise.hypot(self.departure_std))), ..self }
     }
 
     /// How far a response goes.
@@ -177,12 +177,15 @@ impl Filter {
         let (mut level, mut moving, mut least) = ((0.0, 0.0), (0.0, 0.0), 0.0);
         for part in &self.parts {
             if !part.settled.is_empty() {
-                level = (level.0 + part.independent_level, level.1 + white.next().map_or(0.0, |left| left * left));
+                level = (
+                    level.0 + part.independent_level,
+                    level.1 + white.next().map_or(0.0, |residual| residual * residual),
+                );
                 least += part.independent_level * part.level_std.powi(2);
             }
             // A row is off by its noise, too, and says little of how far levels are off.
             let _ = part.enters.and_then(|_| white.next());
-            let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
+            let squares: f64 = white.by_ref().take(part.moving.len()).map(|residual| residual * residual).sum();
             moving = (moving.0 + part.independent(), moving.1 + squares);
         }
         level.1 = level.1.max(least);
@@ -257,7 +260,7 @@ pub(crate) fn measure(
         let Some(rise_s) = rise_s else { continue };
         // Nobody knows where in its interval a row was taken: a uniform error of one row has this standard deviation.
         let interval_s = part.moving.first().map_or(0.0, |(first, _)| time_s[*first] - time_s[first.saturating_sub(1)]);
-        part.left = part.step(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
+        part.departure_std = part.step(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
         let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= MOVES_FOR * rise_s).count();
         part.moving.truncate(moves);
         if let Some(gap) = first_gap(part) {
@@ -292,7 +295,7 @@ mod tests {
         let white = filter().apply(&off);
         assert_eq!(white.len(), 6);
         assert!((white[0] - 0.3 / 0.5).abs() < 1e-12, "{white:?}");
-        assert!(white[1..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+        assert!(white[1..].iter().all(|residual| residual.abs() < 1e-12), "{white:?}");
     }
 
     #[test]
@@ -313,7 +316,7 @@ mod tests {
     fn the_motion_counts_as_so_many_numbers_however_many_rows_it_has() {
         let mut off = vec![0.0; 20];
         off[10..15].fill(0.1);
-        let sum: f64 = filter().apply(&off).iter().map(|left| left * left).sum();
+        let sum: f64 = filter().apply(&off).iter().map(|residual| residual * residual).sum();
         assert!((sum - PER_STEP * 0.01).abs() < 1e-12, "{sum}");
         assert!((filter().errors(&off).moving - 0.1).abs() < 1e-12);
     }

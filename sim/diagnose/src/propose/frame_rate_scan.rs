@@ -19,7 +19,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_fourier as fourier;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::frame_rate::{at_rate, refined};
@@ -178,7 +178,7 @@ pub(crate) fn is_predicted_gain_unrealized(
     found: Option<f64>,
 ) -> bool {
     let with = with_spread_phases(likelihood, &fit.hypothesis, effect);
-    let difference = |record: &Record| {
+    let difference = |record: &PreparedRecord| {
         let periodic = likelihood.periodic(record)?;
         let white = |hypothesis| periodic.residual(hypothesis, Split::Train);
         let (mean, framed) = (white(&fit.hypothesis)?, white(&with)?);
@@ -213,7 +213,7 @@ fn with_rate(
     for spectrum in spectra {
         hypothesis.effects[effect].phases[spectrum.place] = spectrum.phase(hz);
     }
-    let phase = |record: &Record| refined(likelihood, record, hypothesis.clone(), effect, offsets);
+    let phase = |record: &PreparedRecord| refined(likelihood, record, hypothesis.clone(), effect, offsets);
     let phases: Vec<f64> = likelihood.data.records.par_iter().map(phase).collect();
     hypothesis.effects[effect].phases = phases;
     hypothesis
@@ -221,7 +221,7 @@ fn with_rate(
 
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
-    fn from_record(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Self> {
+    fn from_record(likelihood: &Likelihood, record: &PreparedRecord, hypothesis: &Hypothesis) -> Option<Self> {
         let adjoint = Adjoint::new(likelihood, record, hypothesis)?;
         let segment = adjoint.segment;
         let rows = segment.rows.len();

@@ -7,7 +7,7 @@ use rotorlead_plant::effect::Kind;
 
 use super::scan::Scan;
 use super::{ByPlausibleRange, Proposal, Starts};
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
@@ -34,7 +34,8 @@ impl Proposal for Limit {
 /// Limits a little below the highest commands of the records.
 fn below_the_highest(likelihood: &Likelihood, kind: &'static Kind) -> Vec<Candidate> {
     let Some((place, _)) = Candidate::searched(kind).next() else { return Vec::new() };
-    let top = |record: &Record| (record.command.iter().copied().fold(f64::NEG_INFINITY, f64::max), record.amplitude);
+    let top =
+        |record: &PreparedRecord| (record.command.iter().copied().fold(f64::NEG_INFINITY, f64::max), record.amplitude);
     let mut tops: Vec<(f64, f64)> = likelihood.data.records.iter().map(top).collect();
     // The larger amplitude first where tops are the same.
     tops.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));

@@ -23,7 +23,7 @@ use rotorlead_plant::{Lag, OperatingPoint};
 
 use super::scan::Scan;
 use super::{ByPlausibleRange, Proposal, Starts};
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
@@ -139,8 +139,8 @@ struct PointBands {
 
 impl Bands {
     fn gather(likelihood: &Likelihood, fit: &Fit) -> Option<Self> {
-        let compared = |record: &&Record| record.segments_in(Split::Train).next().is_some();
-        let those: Vec<&Record> = likelihood.data.records.iter().filter(compared).collect();
+        let compared = |record: &&PreparedRecord| record.segments_in(Split::Train).next().is_some();
+        let those: Vec<&PreparedRecord> = likelihood.data.records.iter().filter(compared).collect();
         let parts: Vec<(usize, RecordBands)> = those
             .into_par_iter()
             .map(|record| Some((record.point, record_bands(likelihood, record, fit)?)))
@@ -221,7 +221,7 @@ impl PointBands {
 }
 
 /// Products and powers of one record by band.
-fn record_bands(likelihood: &Likelihood, record: &Record, fit: &Fit) -> Option<RecordBands> {
+fn record_bands(likelihood: &Likelihood, record: &PreparedRecord, fit: &Fit) -> Option<RecordBands> {
     let white = likelihood.residual(record, &fit.hypothesis, Split::Train)?;
     let simulated =
         fit.hypothesis.simulate(&likelihood.data, record, likelihood.for_record(record).end(Split::Train)).ok()?;

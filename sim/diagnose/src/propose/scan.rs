@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use rotorlead_plant::effect::Kind;
 use rotorlead_records::Excitation;
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::data::split::Split;
 use crate::estimate::fit::Fit;
 use crate::estimate::score_test::ScoreTest;
@@ -28,9 +28,9 @@ impl<'a> Scan<'a> {
     /// of a square wave count where there is nothing else. `None` where the derivatives
     /// of the lags are not defined.
     pub fn new(likelihood: &Likelihood, from: &'a Fit) -> Option<Self> {
-        let is_fitted = |record: &&Record| likelihood.has(record, Split::Train);
+        let is_fitted = |record: &&PreparedRecord| likelihood.has(record, Split::Train);
         let middle = 0.5 * (likelihood.data.nominals.first()? + likelihood.data.nominals.last()?);
-        let off = |record: &Record| (record.nominal - middle).abs() - record.amplitude;
+        let off = |record: &PreparedRecord| (record.nominal - middle).abs() - record.amplitude;
         let largest = |is_one: &dyn Fn(Excitation) -> bool| {
             // A log stands on few levels: there are no valleys but these.
             let those = likelihood
@@ -42,7 +42,7 @@ impl<'a> Scan<'a> {
                 .filter(|record| is_one(record.excitation));
             those.min_by(|a, b| off(a).total_cmp(&off(b)))
         };
-        let mut chosen: Vec<&Record> = [Excitation::Multisine, Excitation::Triangle]
+        let mut chosen: Vec<&PreparedRecord> = [Excitation::Multisine, Excitation::Triangle]
             .into_iter()
             .filter_map(|excitation| largest(&|other| other == excitation))
             .collect();

@@ -1,6 +1,6 @@
 //! What the columns beside the response say for one fit over another.
 
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::estimate::fit::Fit;
 use crate::estimate::prediction::{STEPS, white_deviance};
 use crate::likelihood::Likelihood;
@@ -10,19 +10,19 @@ use crate::model::hypothesis::Hypothesis;
 ///
 /// The numbers of a fit are known as well as the response tells them, and a column may tell them better: see [`prediction`].
 pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<Vec<f64>> {
-    let records: Vec<&Record> =
+    let records: Vec<&PreparedRecord> =
         likelihood.data.records.iter().filter(|record| record.columns().next().is_some()).collect();
-    let beside = |record: &Record, hypothesis: &Hypothesis| {
+    let beside = |record: &PreparedRecord, hypothesis: &Hypothesis| {
         // A trace is of all commands.
         if hypothesis.in_rows {
             return None;
         }
-        likelihood.for_record(record).beside(&hypothesis.trace(&likelihood.data, record)?)
+        likelihood.for_record(record).auxiliary_residuals(&hypothesis.trace(&likelihood.data, record)?)
     };
-    let white = |record: &Record, hypothesis: &Hypothesis| {
+    let white = |record: &PreparedRecord, hypothesis: &Hypothesis| {
         Some(beside(record, hypothesis)?.into_iter().flat_map(|column| column.white).collect())
     };
-    let of_record = |record: &&Record| beside(record, &fits.first()?.hypothesis);
+    let of_record = |record: &&PreparedRecord| beside(record, &fits.first()?.hypothesis);
     let numbers: f64 = records.iter().filter_map(of_record).flatten().map(|column| column.numbers).sum();
     let squares: Option<Vec<f64>> = fits.iter().map(|fit| white_deviance(&records, fit, STEPS, white)).collect();
     (!records.is_empty()).then(|| Some(gains(&squares?, numbers))).flatten()

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
 use rotorlead_records::Output;
 
-use crate::data::dataset::{Dataset, Record};
+use crate::data::dataset::{Dataset, PreparedRecord};
 use crate::estimate::fit::Fit;
 use crate::estimate::score_test::ScoreTest;
 use crate::likelihood::Likelihood;
@@ -209,7 +209,7 @@ impl Dataset {
     fn can_show(&self, kind: &Kind) -> bool {
         match kind.shows {
             // A static map that is free has no curvature left to find.
-            Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(Record::has_free_map),
+            Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(PreparedRecord::has_free_map),
             Shows::Anywhere => true,
             Shows::OverLevels => self.has_logs(),
             Shows::BetweenLevels => self.records.iter().any(|record| !record.starts_settled()),

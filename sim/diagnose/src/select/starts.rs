@@ -17,7 +17,7 @@
 
 use super::evidence::evidence;
 use super::pool::Member;
-use crate::data::dataset::Record;
+use crate::data::dataset::PreparedRecord;
 use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::excess::Excess;
 use crate::likelihood::{InitialCondition, Likelihood};
@@ -43,7 +43,7 @@ struct Off {
 
 /// What the records are off at their begins.
 fn off(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Vec<Off> {
-    let of_record = |record: &Record| {
+    let of_record = |record: &PreparedRecord| {
         let swing = hypothesis.base[record.point].gain.abs() * record.amplitude;
         let (off, variance) = likelihood.periodic(record)?.off_at_start(hypothesis)?;
         Some(Off { part: off / swing, variance: variance / (swing * swing) })

@@ -23,7 +23,7 @@ pub struct Merged {
     /// The response at each row.
     pub response: Vec<f64>,
     /// The other columns of the response log at each row, in their order.
-    pub beside: Vec<Vec<f64>>,
+    pub other_columns: Vec<Vec<f64>>,
     /// Rows of the chosen log for which the other has nothing, left out.
     pub left_out: usize,
     /// Gaps of the response log within the merged time.
@@ -31,7 +31,7 @@ pub struct Merged {
 }
 
 /// Puts both logs on the command's clock, moved together by the delay: what comes out shows `keep_s` of dead time, zero
-/// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs). `beside` are other
+/// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs). `other_columns` are other
 /// columns of the response log, as long as its response.
 ///
 /// Between rows a column is the cubic through the four around, two at the ends of a segment; through a gap it is
@@ -43,7 +43,7 @@ pub struct Merged {
 pub fn merge(
     command: &CommandLog<'_>,
     response: &ResponseLog<'_>,
-    beside: &[&[f64]],
+    other_columns: &[&[f64]],
     alignment: &Alignment,
     rows: MergedRows,
     keep_s: f64,
@@ -52,7 +52,7 @@ pub fn merge(
     // The response's rows on the command's clock.
     let time_s: Vec<f64> = response.time_s.iter().map(|&t| alignment.command_time_s(t) + keep_s).collect();
     let runs = response.runs();
-    let columns: Vec<&[f64]> = std::iter::once(response.response).chain(beside.iter().copied()).collect();
+    let columns: Vec<&[f64]> = std::iter::once(response.response).chain(other_columns.iter().copied()).collect();
     let held_at = |s: f64| -> Option<Vec<f64>> {
         let after = time_s.partition_point(|&t| t <= s);
         let row = after.checked_sub(1)?;
@@ -71,7 +71,7 @@ pub fn merge(
         time_s: Vec::new(),
         command: Vec::new(),
         response: Vec::new(),
-        beside: Vec::new(),
+        other_columns: Vec::new(),
         left_out: 0,
         gaps: 0,
     };
@@ -113,7 +113,7 @@ pub fn merge(
         }
     }
     merged.response = rows_of.remove(0);
-    merged.beside = rows_of;
+    merged.other_columns = rows_of;
     merged.left_out = left_out;
     let within = |run: &&std::ops::Range<usize>| (from_s..=to_s).contains(&time_s[run.start]) && run.start > 0;
     merged.gaps = runs.iter().filter(within).count();

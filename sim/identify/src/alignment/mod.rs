@@ -35,8 +35,8 @@ use std::fmt;
 use std::ops::Range;
 
 use nalgebra::DVector;
-use rotorlead_numerics::autoregression::{autoregression, whitened_rows};
-use rotorlead_numerics::least_squares::{Limits, Residuals as _, Solution, minimize};
+use rotorlead_numerics::autoregression::{fit_autoregression, whitened_rows};
+use rotorlead_numerics::least_squares::{Residuals as _, Solution, StoppingCriteria, minimize};
 use rotorlead_numerics::sample::mean;
 
 pub use error::AlignmentError;
@@ -176,16 +176,16 @@ const LEAST_ROWS: usize = 50;
 /// Time constants to begin with, seconds: those of small and of large rotors. Chosen: a factor of two about both covers 15 to 240 ms.
 const STARTS_S: [f64; 2] = [0.03, 0.12];
 /// Limits of the fits from each start. Chosen: enough to tell which one is in the right basin; the best one is then fitted to the end.
-const FIRST_LOOK: Limits = Limits { iterations: 8, decrease: 1e-3 };
+const FIRST_LOOK: StoppingCriteria = StoppingCriteria { iterations: 8, decrease: 1e-3 };
 /// Limits of the fit. A row that a change passes leaves the search zigzagging by ever less. Derived: a step below `decrease` moves no
 /// parameter of `n` rows by more than `sqrt(1e-8 n)` of its standard error, a hundredth at 10 000 rows. Chosen: a search that needs more
 /// than 100 steps is refused.
-const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-8 };
+const LIMITS: StoppingCriteria = StoppingCriteria { iterations: 100, decrease: 1e-8 };
 /// Least Wald chi-square of the gains of logs that are related. Derived: at 3 degrees of freedom chance passes it with 6e-13, and with less
 /// than 1e-5 anywhere in a search over 1e7 shifts and skews.
 const RELATED: f64 = 60.0;
-/// Two meters of one response agree to this % fit or better: those of two real pairs of logs to 94.5 and 95.2, and the staircases of
-/// two different motors to 82.
+/// Two meters of one response agree to this % fit or better. Tuned on logs of real motors (`docs/identification.md`): two pairs of one run
+/// agree to 94.5 and 95.2 %, and staircases of two different motors to 82.
 const SAME_RUN_PERCENT: f64 = 90.0;
 /// Largest standard error of a delay, seconds. Chosen: its 95 % interval reaches 0.1 s to either side, as far as the lag of a large rotor.
 const VAGUE_S: f64 = 0.05;
@@ -360,7 +360,7 @@ fn first_look(problem: &AlignmentProblem<'_>, part: &Overlap, candidate: &Candid
         let normal = columns.tr_mul(&columns);
         let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
         // Columns are of the size of one: what is below 1e-9 is rounding, as of an initial state that has gone.
-        let linear = rotorlead_numerics::linear::solve(normal, &right, 1e-9)?;
+        let linear = rotorlead_numerics::linear::linear_least_squares(normal, &right, 1e-9)?;
         let (of_rows, initial) = linear.as_slice().split_at(1 + problem.powers);
         start[GAIN - 1..GAIN + problem.powers].copy_from_slice(of_rows);
         if let (Some(lag), Some(initial)) = (problem.lag_index(), initial.first()) {
@@ -396,7 +396,7 @@ fn whitened(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solutio
         if !problem.evaluate(&at, &mut residuals) {
             return None;
         }
-        problem.color = autoregression(&residuals[..problem.time_s.len()], problem.runs);
+        problem.color = fit_autoregression(&residuals[..problem.time_s.len()], problem.runs);
         if problem.color.is_empty() {
             return Some(solution).filter(|s| s.converged);
         }

@@ -180,8 +180,8 @@ impl AlignmentProblem<'_> {
     /// How much of the state in which the log began is left, and its derivative by the logarithm of the time constant.
     fn start(&self, s: f64, tau: f64) -> (f64, f64) {
         let elapsed = ((s - self.start_s) / tau).max(0.0);
-        let left = (-elapsed).exp();
-        (left, left * elapsed)
+        let remaining = (-elapsed).exp();
+        (remaining, remaining * elapsed)
     }
 
     /// The columns that the linear parameters multiply, at `p`'s delay, lag and skew; row by row. Offset and gains, and last the
@@ -237,10 +237,10 @@ impl Residuals for AlignmentProblem<'_> {
             }
             if let Some(lag) = self.lag_index() {
                 let initial = p[lag + 1];
-                let (left, left_by_lag) = self.start(s, tau);
-                slope += if s > self.start_s { -initial * left / tau } else { 0.0 };
-                out[(row, lag)] = by_lag + initial * left_by_lag;
-                out[(row, lag + 1)] = left;
+                let (remaining, remaining_by_lag) = self.start(s, tau);
+                slope += if s > self.start_s { -initial * remaining / tau } else { 0.0 };
+                out[(row, lag)] = by_lag + initial * remaining_by_lag;
+                out[(row, lag + 1)] = remaining;
             }
             out[(row, DELAY)] = -slope;
             out[(row, OFFSET)] = 1.0;

@@ -7,7 +7,7 @@ use super::RecordFault;
 
 /// A period is the stated one within this share. Chosen: quartz clocks differ by far less, and 1 % shifts the end of four periods by 4 %.
 const SAME_PERIOD: f64 = 0.01;
-/// And within so many rows: an edge is known to a row only, and a period has two.
+/// And within so many rows. Derived: an edge is known to a row only, and a period has two.
 const SAME_ROWS: f64 = 2.0;
 /// A command is up, or down, when it is this share of its range away from the middle. Chosen: half of the way to either end, so that
 /// neither noise of a recorded command nor a rounded corner counts as an edge.

@@ -8,7 +8,7 @@ use crate::rows::gaps::usual_interval_s;
 /// Changes of the response that it takes to tell. Chosen: readings that stand still at random, of which 51 % are regular at most, pass for
 /// regular once in 350 times with 20 (19 runs, binomial), and less often with more.
 const FEWEST_CHANGES: usize = 20;
-/// Rows per reading from which on a sensor is slower than its rows.
+/// Rows per reading from which on a sensor is slower than its rows. Derived: with a reading in one row it is as fast.
 const LEAST_ROWS: usize = 2;
 /// The share of readings that stand in as many rows as the others, give or take one. Chosen: a sensor's clock gives nearly all, readings
 /// that stand still at random (geometric) half at most.
@@ -35,7 +35,7 @@ pub(super) fn check_repeats(record: &Record, response: &[f64], column: &'static 
     }
     let step = |row: &usize| (response[*row] - response[row - 1]).abs();
     let smallest = changes.iter().map(step).fold(f64::INFINITY, f64::min);
-    // Nearer to one step than to two.
+    // Derived: 1.5 is nearer to one step than to two.
     let coarse = changes.iter().filter(|row| step(row) < 1.5 * smallest).count();
     if coarse as f64 > COARSE * changes.len() as f64 {
         return None;

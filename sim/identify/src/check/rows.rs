@@ -22,7 +22,8 @@ use crate::rows::gaps::{rows_after_gaps, usual_interval_s};
 const SLOWEST_HZ: f64 = 40.0;
 /// Rows in a time constant, at least. Chosen: then the pole is at a sixteenth of half the row rate, `1 / (5 pi)`.
 const ROWS_PER_LAG: f64 = 5.0;
-/// Periods below which the noise is hardly known: of two, one is left where the first carries a transient, and one shows no spread.
+/// Periods below which the noise is hardly known. Derived: of two, one is left where the first carries a transient, and one shows no
+/// spread.
 const FEWEST_PERIODS: usize = 3;
 /// An amplitude is the stated one within this share. Chosen: rows that miss a peak lose less; a slip, such as peak to peak, is a
 /// factor of two.

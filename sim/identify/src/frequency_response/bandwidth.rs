@@ -22,7 +22,7 @@ use crate::error::IdentifyError;
 use crate::frequency_response::etfe::{Etfe, ResponsePoint};
 
 /// `10^(-3/20)`: 3 dB below.
-pub const THREE_DB: f64 = 0.707_945_784_384_137_9;
+pub const MINUS_3_DB: f64 = 0.707_945_784_384_137_9;
 
 /// Where the response falls 3 dB below its static value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,7 +135,7 @@ impl Serialize for EtfeBandwidth {
 /// A dip that crosses and returns within 0.1 % of a frequency is not seen.
 #[must_use]
 pub fn compute_bandwidth(response: impl Fn(f64) -> Complex64, max_rad_s: f64) -> Bandwidth {
-    let threshold = THREE_DB * response(0.0).norm();
+    let threshold = MINUS_3_DB * response(0.0).norm();
     first_frequency(|omega| response(omega).norm() < threshold, max_rad_s)
 }
 
@@ -244,16 +244,16 @@ fn static_level(raw: &[ResponsePoint], value: StaticValue) -> Result<f64, Identi
         weights[row] * (lowest[row].omega_rad_s / scale).powi(2 * column as i32)
     });
     let target = DVector::from_fn(lines, |row, _| weights[row] / powers[row]);
-    let solution = rotorlead_numerics::linear::solve(design, &target, 1e-12).ok_or_else(no_level)?;
+    let solution = rotorlead_numerics::linear::linear_least_squares(design, &target, 1e-12).ok_or_else(no_level)?;
     if solution[0] > 0.0 && solution[0].is_finite() { Ok(solution[0].sqrt().recip()) } else { Err(no_level()) }
 }
 
 /// The first crossing of the curve, from the static value at zero on.
 fn first_crossing(points: &[ResponsePoint], static_value: f64) -> Bandwidth {
-    let below_db = |magnitude: f64| 20.0 * (magnitude / static_value).log10() + 3.0;
+    let margin_db = |magnitude: f64| 20.0 * (magnitude / static_value).log10() + 3.0;
     let (mut omega, mut margin) = (0.0, 3.0);
     for point in points {
-        let next = below_db(point.response.norm());
+        let next = margin_db(point.response.norm());
         if next < 0.0 {
             let share = if next.is_finite() { margin / (margin - next) } else { 1.0 };
             return Bandwidth::At(omega + (point.omega_rad_s - omega) * share);

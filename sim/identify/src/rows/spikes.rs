@@ -2,8 +2,8 @@
 
 use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 
-/// Rows on each side of a reading that it is compared with. A median of nine rides over four bad
-/// readings in a row and leaves any monotone transient as it is.
+/// Rows on each side of a reading that it is compared with. Chosen: a median of nine rides over four bad readings in a row and leaves any
+/// monotone transient as it is; a wider one takes a short swing for a spike.
 const HALF_WIDTH: usize = 4;
 /// A spike is further from the median of its neighbors than this many standard deviations... Derived: one reading in 5e8 of normal noise.
 const STDS: f64 = 6.0;

@@ -37,7 +37,7 @@ pub(crate) fn simulated_periods(
     let time_s: Vec<f64> = (0..commands).map(|tick| tick as f64 / command_hz).collect();
     let command: Vec<f64> = period.iter().copied().cycle().take(commands).collect();
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
-    let start = Start::Periodic { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
+    let start = Start::WholePeriods { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
     simulate_response(&mut actuator, CommandSignal { time_s: &time_s, command: &command }, start, &rows_s)
 }
 

@@ -21,10 +21,11 @@ const ROUNDING: f64 = 1e-10;
 /// Sinusoids of their own frequency that are looked for in a record. Chosen: the mains hum with three of its harmonics. The search ends
 /// before where no line stands out; what is beyond is left out line by line.
 const MOST_SINUSOIDS: usize = 4;
-/// A sinusoid of two periods takes what a line knows of its noise up to this many bins away: to the first zero of its leakage,
+/// A sinusoid of two periods takes what a line knows of its noise up to this many bins away. Derived: to the first zero of its leakage,
 /// `sin(pi x) / (pi x)`.
 const TAKEN_BINS: f64 = 1.0;
-/// Lines to either side whose mean replaces it: as many as [`SpectrumOptions::pool_half_width`] takes by default.
+/// Lines to either side whose mean replaces it. Chosen: as many as [`SpectrumOptions::pool_half_width`] takes by default; more reach
+/// farther over a density that is not level.
 const REFILL_LINES: usize = 5;
 
 /// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used. Bins more than [`noise_bins`] above

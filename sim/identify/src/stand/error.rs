@@ -55,7 +55,7 @@ pub enum StandError {
     },
     /// More poles than the lines determine.
     #[error(
-        "{poles} poles leave {left:.3e} times the noise power, {fewer} leave {fewer_left:.2}: the lines do not determine {poles}"
+        "{poles} poles leave {residual_ratio:.3e} times the noise power, {fewer} leave {fewer_residual_ratio:.2}: the lines do not determine {poles}"
     )]
     #[diagnostic(help(
         "leave --order out, and as many poles as predict best are taken, or give --order {fewer}. What is asked beyond \
@@ -65,11 +65,11 @@ pub enum StandError {
         /// Poles asked for.
         poles: usize,
         /// Chi-square of their residual over its expectation.
-        left: f64,
+        residual_ratio: f64,
         /// Poles of the best fit with fewer.
         fewer: usize,
         /// The same of its residual.
-        fewer_left: f64,
+        fewer_residual_ratio: f64,
     },
     /// A band that does not lie within the lines.
     #[error("the band {low_hz} to {high_hz} Hz is none below half of the row rate, {half_rate_hz} Hz")]

@@ -155,7 +155,7 @@ fn residual_power(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
     let others: Vec<usize> = (0..u.len()).filter(|&k| k != own).collect();
     let x = |row: usize| (others[row] as f64 - half) / half;
     let mut weight = vec![1.0; others.len()];
-    let (mut left, mut expected) = (0.0, 1.0);
+    let (mut residual_ratio, mut expected) = (0.0, 1.0);
     for _ in 0..2 {
         let matrix = DMatrix::from_fn(others.len(), LOCAL_PARAMETERS, |row, column| match column {
             3 => -y[others[row]] * x(row) * weight[row],
@@ -165,7 +165,7 @@ fn residual_power(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
         let qr = matrix.qr();
         let orthonormal = qr.q();
         let projected = orthonormal.adjoint() * &target;
-        left = (&target - &orthonormal * &projected).norm_squared();
+        residual_ratio = (&target - &orthonormal * &projected).norm_squared();
         // The last parameter is the last unknown of the triangular system.
         let corner = qr.r()[(LOCAL_PARAMETERS - 1, LOCAL_PARAMETERS - 1)];
         let a = if corner.norm() > 0.0 { projected[LOCAL_PARAMETERS - 1] / corner } else { Complex64::ZERO };
@@ -177,7 +177,7 @@ fn residual_power(u: &[Complex64], y: &[Complex64], own: usize) -> f64 {
         // A pole on a line would rule alone. Chosen: no line counts more than 50 times as much as another.
         weight = (0..others.len()).map(|row| denominator(row).max(0.02 * largest).recip()).collect();
     }
-    left / expected
+    residual_ratio / expected
 }
 
 /// Whether the tenth before the last is clearly louder than the last: a response that has died away is noise in both.

@@ -8,9 +8,9 @@
 pub(crate) mod error;
 mod impact;
 mod model;
+mod pass_band;
 mod response;
 pub mod transfer_function;
-mod usable;
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -129,8 +129,8 @@ pub enum StandWarning {
     },
 }
 
-/// Roots at more than this many times the highest line change the response there by less than a percent, and the lines say
-/// nothing of where they are.
+/// Roots at more than this many times the highest line hardly change the response there, and the lines say nothing of where they are.
+/// Derived: one changes it by a hundredth, `|1 - 1 / (1 + j / 100)|`, a pair by twice that at most.
 const FAR_ABOVE: f64 = 100.0;
 
 /// How sure it has to be that the static gain is not zero. Chosen: an unrelated response passes once in 100 000, and a gain of 4.4
@@ -241,7 +241,7 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         warnings.push(StandWarning::Gain { gain: fit.gain.value });
     }
     Ok(StandIdentification {
-        usable_hz: usable::usable_hz(&fit, top_rad_s),
+        usable_hz: pass_band::usable_hz(&fit, top_rad_s),
         top_hz: top_rad_s / TAU,
         scores: selection.scores,
         records: Vec::new(),
@@ -274,9 +274,16 @@ fn check_order(fit: &ParametricFit, response: &FrequencyResponse, options: &Stan
     let Ok(lower) = select_order(response, 1..=poles - 1) else {
         return Ok(());
     };
-    let (left, fewer_left) = (fit.residual.reduced_chi_square, lower.fit.residual.reduced_chi_square);
-    if left > fewer_left {
-        return Err(StandError::OrderTooHigh { poles, left, fewer: lower.fit.structure.poles, fewer_left }.into());
+    let (residual_ratio, fewer_residual_ratio) =
+        (fit.residual.reduced_chi_square, lower.fit.residual.reduced_chi_square);
+    if residual_ratio > fewer_residual_ratio {
+        return Err(StandError::OrderTooHigh {
+            poles,
+            residual_ratio,
+            fewer: lower.fit.structure.poles,
+            fewer_residual_ratio,
+        }
+        .into());
     }
     Ok(())
 }

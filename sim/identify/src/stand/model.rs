@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use num_complex::Complex64;
-use rotorlead_records::files::{Fault, FileError, Place, TomlFile, write_toml};
+use rotorlead_records::files::{Fault, FileError, KeyPath, TomlFile, write_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::stand::transfer_function::{Root, TransferFunction};
@@ -75,7 +75,7 @@ impl StandRoot {
         std::iter::once(upper).chain((imaginary > 0.0).then_some(upper.conj()))
     }
 
-    fn check(&self, place: &Place) -> Result<(), Fault> {
+    fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         place.key("frequency_hz").accept(self.frequency_hz)?;
         error(place, "frequency_hz_std", self.frequency_hz_std)?;
         error(place, "damping_std", self.damping_std)?;
@@ -83,7 +83,7 @@ impl StandRoot {
     }
 }
 
-fn error(place: &Place, key: &'static str, std: Option<f64>) -> Result<(), Fault> {
+fn error(place: &KeyPath, key: &'static str, std: Option<f64>) -> Result<(), Fault> {
     if std.is_none_or(|std| std.is_finite() && std >= 0.0) {
         return Ok(());
     }
@@ -114,7 +114,7 @@ impl StandModel {
     }
 
     fn check(&self) -> Result<(), Fault> {
-        let root = Place::root();
+        let root = KeyPath::root();
         root.clone().key("gain").accept(self.gain)?;
         if self.gain == 0.0 {
             return Err(root.key("gain").fault("a stand that passes no force", "give its static gain, about 1"));

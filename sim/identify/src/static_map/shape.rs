@@ -5,7 +5,7 @@
 //! `c` and `h`, the middle and half the range of the commands, keep the powers apart.
 
 use nalgebra::DMatrix;
-use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
+use rotorlead_numerics::least_squares::{Residuals, Solution, StoppingCriteria, minimize};
 
 use super::points::SteadyPoint;
 use crate::lag::steps::Direction;
@@ -133,13 +133,13 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Optio
         });
         let right = nalgebra::DVector::from_fn(points.len(), |row, _| points[row].response / std[row]);
         // Chosen: beneath 1e-12 a singular value is rounding.
-        let linear = rotorlead_numerics::linear::solve(columns, &right, 1e-12)?;
+        let linear = rotorlead_numerics::linear::linear_least_squares(columns, &right, 1e-12)?;
         let mut start = vec![0.0; shape.parameter_count()];
         start[..=shape.degree].copy_from_slice(linear.as_slice());
         if let Some(k) = shape.limit_index() {
             start[k] = limit;
         }
-        if let Some(found) = minimize(&problem, &start, Limits::default())
+        if let Some(found) = minimize(&problem, &start, StoppingCriteria::default())
             && found.unit_covariance.is_some()
             && best.as_ref().is_none_or(|b| found.sum_of_squares < b.sum_of_squares)
         {

@@ -11,7 +11,7 @@ use crate::error::IdentifyError;
 use crate::frequency_response::etfe::Etfe;
 use crate::frequency_response::hold::HoldChain;
 use crate::frequency_response::{FrequencyResponse, ResponseLine};
-use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
+use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
 use crate::lag::first_order::FitLine;
 use crate::lag::multisine::SMOOTHING_HALF_WIDTH;
 use crate::lag::steps::Run;
@@ -88,7 +88,7 @@ impl Judge<'_> {
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
         Ok(Score {
             fit_percent: percent,
-            ceiling_percent: Some(percent_when_left(noise, spread(&measured))),
+            ceiling_percent: Some(percent_with_residual(noise, spread(&measured))),
             residual_power: ResidualPower::at_lines(&spectrum.lines, &expected),
             comparison: Comparison::Frequency(compared(&spectrum, &expected, without_holds)?),
         })
@@ -158,7 +158,7 @@ impl Judge<'_> {
         };
         Ok(Score {
             fit_percent: percent,
-            ceiling_percent: noise.map(|noise| percent_when_left(noise, spread(measured))),
+            ceiling_percent: noise.map(|noise| percent_with_residual(noise, spread(measured))),
             residual_power,
             comparison: Comparison::Time(compared_rows(&record.time_s, measured, &simulated)),
         })
@@ -172,7 +172,7 @@ impl Judge<'_> {
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
         let shown = run.as_ref().map(Run::rows_that_show);
         let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
-        let nothing = run.as_ref().map(|run| run.rows_that_say_nothing(&record.time_s));
+        let nothing = run.as_ref().map(|run| run.rows_without_lag(&record.time_s));
         let says = |row: &usize| shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]);
         let kept: Vec<usize> = rows.clone().filter(says).collect();
         let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
@@ -196,13 +196,13 @@ impl Judge<'_> {
             .and_then(|run| LevelNoise::estimate(run, &record.time_s, time_constant_s))
             .filter(|noise| noise::shows(noise.variance, raw));
         let residual_power = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
-            let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
-            noise.residual_power(kept.iter().map(|&row| (row, left(row))))
+            let residual = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
+            noise.residual_power(kept.iter().map(|&row| (row, residual(row))))
         });
-        let left = noise.map(|noise| noise.variance * measured.len() as f64);
+        let residual = noise.map(|noise| noise.variance * measured.len() as f64);
         Ok(Score {
             fit_percent: percent,
-            ceiling_percent: left.map(|left| percent_when_left(left, spread(&measured))),
+            ceiling_percent: residual.map(|residual| percent_with_residual(residual, spread(&measured))),
             residual_power,
             comparison: Comparison::Time(compared_rows(&time_s, &measured, &simulated)),
         })

@@ -86,8 +86,8 @@ impl Serialize for RecordValidation {
         values.serialize_field("domain", &self.domain())?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
         values.serialize_field("ceiling_percent", &self.ceiling_percent)?;
-        values.serialize_field("left_over_noise", &self.residual_power.map(|left| left.power_ratio))?;
-        values.serialize_field("left_over_p_value", &self.residual_power.map(|left| left.p_value))?;
+        values.serialize_field("left_over_noise", &self.residual_power.map(|power| power.power_ratio))?;
+        values.serialize_field("left_over_p_value", &self.residual_power.map(|power| power.p_value))?;
         values.serialize_field("model_error_percent", &self.model_error_percent())?;
         values.end()
     }

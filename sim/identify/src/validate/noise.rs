@@ -15,7 +15,8 @@ use super::residual_power::ResidualPower;
 use crate::lag::steps::Run;
 use crate::spectra;
 
-/// A level has settled after this many time constants: e^-7 of the step, a thousandth, is left.
+/// A level has settled after this many time constants. Chosen: a thousandth of the step, `e^-7`, is left; less counts its rest as noise,
+/// more leaves out short levels.
 const SETTLED_TIME_CONSTANTS: f64 = 7.0;
 /// Fewest settled rows of a level. Chosen: 16 have 7 bins, barely enough for a spectrum; more would leave out short levels.
 const FEWEST_ROWS: usize = 16;

@@ -22,10 +22,10 @@ pub struct ResidualPower {
 }
 
 impl ResidualPower {
-    /// `left` and `noise` are mean powers of independent numbers, these their degrees of freedom; `None` where the noise does
+    /// `residual` and `noise` are mean powers of independent numbers, these their degrees of freedom; `None` where the noise does
     /// not show.
-    pub(super) fn compute(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
-        let power_ratio = power_over_noise(left / noise)?;
+    pub(super) fn compute(residual: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
+        let power_ratio = power_over_noise(residual / noise)?;
         Some(Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) })
     }
 
@@ -41,11 +41,11 @@ impl ResidualPower {
             (line.ratio() - expected).norm_sqr() / line.ratio_variance().max(rounding)
         };
         let count = lines.len() as f64;
-        let left = lines.iter().zip(expected).map(weighted).sum::<f64>() / count;
+        let residual = lines.iter().zip(expected).map(weighted).sum::<f64>() / count;
         let line_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
         // Derived: `v / (v - 2)` is 5 at 2.5 and has no end at 2; below, the ratio is judged as mildly as at 2.5.
         let inflation = if line_dof > 2.5 { 1.0 / (1.0 - 2.0 / line_dof) } else { 5.0 };
         let windows = (2.0 * count / line_dof).max(1.0);
-        Self::compute(left, 2.0 * count, inflation, windows * line_dof)
+        Self::compute(residual, 2.0 * count, inflation, windows * line_dof)
     }
 }

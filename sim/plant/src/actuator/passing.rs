@@ -4,7 +4,8 @@ use super::{Actuator, Rotor};
 use crate::passage::{Intervals, Passage, Readings, Wanted};
 use crate::pieces::Pieces;
 
-/// Pieces that are passed on at a time, and about as many intervals: few enough to stay near the processor.
+/// Pieces that are passed on at a time, and about as many intervals: few enough to stay near the processor. Chosen: 512 of 24 and 48 bytes
+/// are 37 kB, about a cache of the first level; fewer call every stage more often.
 const AT_ONCE: usize = 512;
 
 impl Actuator {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rotorlead_records::files::{Fault, FileError, Place, TomlFile};
+use rotorlead_records::files::{Fault, FileError, KeyPath, TomlFile};
 use rotorlead_records::{Excitation, Output, Role};
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +10,13 @@ use super::signal::Signal;
 use crate::model::Model;
 use crate::noise::Noise;
 
-/// Peak deviation of the command in the paper's experiments.
+/// Peak deviation of the command. Standard: that of the paper's experiments.
 pub const PAPER_AMPLITUDE: f64 = 0.05;
-/// Thrust noise of the generated plan, newtons per row at 1 kHz.
+/// Thrust noise of the generated plan, newtons per row at 1 kHz. Chosen: 4 % of the thrust of the paper's amplitude, 0.05 of 10 N; more
+/// hides what a plan is to show, less hardly shows.
 const DEFAULT_SIGMA_N: f64 = 0.02;
-/// A generated plan leaves out points with less room than this between them and the ends of the command's range.
+/// A generated plan leaves out points with less room than this between them and the ends of the command's range. Chosen: a tenth of the
+/// paper's, whose lines have a hundredth of its power.
 const SMALLEST_AMPLITUDE: f64 = 0.005;
 
 /// An experiment that is yet to be run.
@@ -221,7 +223,7 @@ impl Plan {
     /// # Errors
     /// The first [`Fault`], with the place of the value in the file.
     pub fn check(&self) -> Result<(), Fault> {
-        let at = |key: &str| Place::root().key(key);
+        let at = |key: &str| KeyPath::root().key(key);
         if self.format != 1 {
             return Err(at("format").fault(format!("{} is not known to this version", self.format), "use 1"));
         }

@@ -8,7 +8,8 @@ use crate::{
     CompensatorDesign, Lag, Model, OperatingCurve, SAME_MOMENT_FRAMES, frames_per_pattern, hold_response_at_phase,
 };
 
-/// The longest pattern of ticks, frames and rows, in ticks, that [`Prediction::response_at_rows`] follows.
+/// The longest pattern of ticks, frames and rows, in ticks, that [`Prediction::response_at_rows`] follows. Chosen: 20 s at 5 kHz, twice a
+/// period of the multisines; longer patterns look like none to them, and time goes with the length.
 const LONGEST_PATTERN_TICKS: f64 = 1e5;
 
 /// The noise-free response of the sampled, quantised system around one nominal command, in two forms.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use rotorlead::throttle::Command;
-use rotorlead_records::files::Place;
+use rotorlead_records::files::KeyPath;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::signal::Signal;
@@ -138,7 +138,7 @@ fn jobs<'a>(
         .zip(file_names(&plan.records))
         .enumerate()
         .map(|(index, (record, file))| {
-            let signal = Signal::new(plan, record, &Place::root().key("record").item(index))?;
+            let signal = Signal::new(plan, record, &KeyPath::root().key("record").item(index))?;
             Ok(Job { plan, record, file, signal, model, compensator, output })
         })
         .collect()
@@ -164,7 +164,7 @@ fn experiment(plan: &Plan, model: &Model, records: Vec<Record>) -> Result<Experi
 /// # Errors
 /// [`PlantError`] when the noise is impossible.
 pub fn add_noise(experiment: &mut Experiment, noise: Noise, seed: u64) -> Result<(), PlantError> {
-    noise.check(&Place::root()).map_err(PlantError::Noise)?;
+    noise.check(&KeyPath::root()).map_err(PlantError::Noise)?;
     if noise.is_silent() {
         return Ok(());
     }
@@ -222,6 +222,7 @@ fn file_names(records: &[PlannedRecord]) -> Vec<String> {
 /// `u050_multisine`, of a record's file name.
 pub fn file_stem(nominal: f64, excitation: Excitation) -> String {
     let hundredths = nominal * 100.0;
+    // Chosen: 1e-6 is above the rounding of decimals, and below the hundredth that a name of five digits shows.
     let nominal = if (hundredths - hundredths.round()).abs() < 1e-6 {
         format!("{hundredths:03.0}")
     } else {
@@ -339,7 +340,7 @@ struct Seen {
 impl Seen {
     fn take(&mut self, actuator: &Actuator) {
         self.response.push(actuator.response());
-        if let Some(supply) = actuator.state_derivative() {
+        if let Some(supply) = actuator.supply_measurement() {
             self.voltage_v.push(supply.voltage_v);
             self.current_a.push(supply.current_a);
         }

@@ -346,7 +346,7 @@ fn effects_of_the_model_are_in_the_records_on_the_loggers_own_clock_too() {
             let timing = EscTiming { frame_hz: plan.esc_frame_hz, frame_phase: 0.0 };
             let mut actuator = Actuator::new(&model, Law::LinearAround(0.5), timing).unwrap();
             let start = match seen.period_s {
-                Some(period_s) => Start::Periodic { period_s, periods: 1 },
+                Some(period_s) => Start::WholePeriods { period_s, periods: 1 },
                 None => Start::Rest(0.5),
             };
             // A period goes on behind the record's end, where a slow clock looks.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::fmt::Display;
 
 use rotorlead::design::{CurvePoint, InverseError, ReferenceModel};
-use rotorlead_records::files::{Fault, Place};
+use rotorlead_records::files::{Fault, KeyPath};
 use serde::{Deserialize, Serialize};
 
 use super::stored::CompensatorFile;
@@ -128,7 +128,7 @@ impl CompensatorFile for InverseFile {
     /// Frequencies, damping, time constants and the slew limit are finite and above zero, the natural frequency is below half the loop
     /// rate, commands are 0..1 and increase, and both lists are as long.
     fn check(&self) -> Result<(), Fault> {
-        let root = Place::root();
+        let root = KeyPath::root();
         for (key, value) in [
             ("natural_rad_s", Some(self.natural_rad_s)),
             ("damping", Some(self.damping)),
@@ -190,8 +190,8 @@ impl CompensatorFile for InverseFile {
         designed
     }
 
-    fn integers(&self) -> Vec<(Place, i32)> {
-        let coefficients = Place::root().key("coefficients");
+    fn integers(&self) -> Vec<(KeyPath, i32)> {
+        let coefficients = KeyPath::root().key("coefficients");
         let gains = coefficients.key("g");
         let ab = [("a", self.coefficients.a), ("b", self.coefficients.b)];
         let ab = ab.map(|(key, value)| (coefficients.key(key), value));

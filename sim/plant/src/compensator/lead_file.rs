@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::fmt::Display;
 
 use rotorlead::design::{LeadDesign, LeadParameters};
-use rotorlead_records::files::{Fault, Place};
+use rotorlead_records::files::{Fault, KeyPath};
 use serde::{Deserialize, Serialize};
 
 use super::CompensatorProvenance;
@@ -113,7 +113,7 @@ impl CompensatorFile for LeadFile {
     /// All numbers are finite and above zero, the zero is below the poles, poles and prewarp frequency are below half the loop
     /// rate.
     fn check(&self) -> Result<(), Fault> {
-        let root = Place::root();
+        let root = KeyPath::root();
         for (key, value) in [
             ("zero_rad_s", self.zero_rad_s),
             ("pole_rad_s", self.pole_rad_s),
@@ -150,9 +150,9 @@ impl CompensatorFile for LeadFile {
         design.and_then(|design| design.with_slew(self.slew_per_s.unwrap_or(0.0)))
     }
 
-    fn integers(&self) -> Vec<(Place, i32)> {
+    fn integers(&self) -> Vec<(KeyPath, i32)> {
         let StoredCoefficients { k, c, g0, g1 } = self.coefficients;
-        let coefficients = Place::root().key("coefficients");
+        let coefficients = KeyPath::root().key("coefficients");
         [("k", k), ("c", c), ("g0", g0), ("g1", g1)].map(|(key, value)| (coefficients.key(key), value)).into()
     }
 }

@@ -18,7 +18,7 @@ use num_complex::Complex64;
 use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead::throttle::Command;
-use rotorlead_records::files::{FileError, Place, TextFile, TomlFile, write_file};
+use rotorlead_records::files::{FileError, KeyPath, TextFile, TomlFile, write_file};
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
@@ -87,7 +87,7 @@ impl CompensatorDesign {
                 Ok(Self { kind: FilterDesign::Inverse(inverse), provenance })
             }
             Some((other, file)) => Err(file.show(
-                &Place::root()
+                &KeyPath::root()
                     .key("kind")
                     .fault(format!("`{other}` is no kind of compensator"), "give `lead` or `inverse`"),
             )),
@@ -259,7 +259,8 @@ pub struct CommandNoiseGain {
     pub gain: f64,
 }
 
-/// Frequencies of a [`CommandNoiseGain`]: about what a flight controller's filters leave of a gyro's noise.
+/// Frequencies of a [`CommandNoiseGain`]: about what a flight controller's filters leave of a gyro's noise. Chosen: from the paper's
+/// compensated bandwidth, 15 Hz, to where low-passes of 60 to 90 Hz begin to cut.
 const NOISE_FREQUENCIES_HZ: [f64; 3] = [15.0, 30.0, 50.0];
 
 impl CompensatorDesign {

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile, to_toml};
+use rotorlead_records::files::{Fault, FileError, KeyPath, TextFile, TomlFile, to_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -23,14 +23,14 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
     fn design(&self) -> Result<Self::Design, impl Display>;
 
     /// The stored integers with their places, in an order that depends on their number alone.
-    fn integers(&self) -> Vec<(Place, i32)>;
+    fn integers(&self) -> Vec<(KeyPath, i32)>;
 
     /// Reads a file's text, and refuses it unless the controller makes the stored integers of its parameters.
     fn parse(text: TextFile) -> Result<(Self::Design, Self), FileError> {
         let (stored, file): (Self, _) = TomlFile::parse(text)?;
         stored.check().map_err(|fault| file.show(&fault))?;
         let design = stored.design().map_err(|reason| {
-            file.show(&Place::root().fault(
+            file.show(&KeyPath::root().fault(
                 format!("no filter can be made of these parameters: {reason}"),
                 "run `rotorlead design`, or correct the parameter",
             ))
@@ -46,8 +46,8 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
     }
 }
 
-fn same(stored: &[(Place, i32)], computed: &[(Place, i32)]) -> Result<(), Fault> {
-    let differs = |place: &Place, stored: String, computed: String| {
+fn same(stored: &[(KeyPath, i32)], computed: &[(KeyPath, i32)]) -> Result<(), Fault> {
+    let differs = |place: &KeyPath, stored: String, computed: String| {
         Err(place.clone().fault(
             format!("{stored} is stored, but the parameters give {computed}"),
             "a parameter or an integer was changed by hand, or another version wrote the file: run `rotorlead design` again",
@@ -61,6 +61,6 @@ fn same(stored: &[(Place, i32)], computed: &[(Place, i32)]) -> Result<(), Fault>
     if stored.len() == computed.len() {
         return Ok(());
     }
-    let count = |integers: &[(Place, i32)]| format!("{} integers", integers.len());
-    differs(&Place::root().key("coefficients"), count(stored), count(computed))
+    let count = |integers: &[(KeyPath, i32)]| format!("{} integers", integers.len());
+    differs(&KeyPath::root().key("coefficients"), count(stored), count(computed))
 }

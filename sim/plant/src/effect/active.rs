@@ -1,7 +1,7 @@
 //! Effects with the values that they have in one actuator.
 
 use num_complex::Complex64;
-use rotorlead_records::files::Place;
+use rotorlead_records::files::KeyPath;
 
 use super::{Catalog, Kind, Linearity, Parameter, Part, Use};
 use crate::error::PlantError;
@@ -26,7 +26,7 @@ impl ActiveEffect {
         if values.len() != kind.parameters.len() {
             return Err(PlantError::EffectValues { kind: kind.id, given: values.len(), needed: kind.parameters.len() });
         }
-        Catalog::check_values(kind, &values, &Place::root().key(kind.id)).map_err(PlantError::Model)?;
+        Catalog::check_values(kind, &values, &KeyPath::root().key(kind.id)).map_err(PlantError::Model)?;
         Ok(Self { kind, values })
     }
 

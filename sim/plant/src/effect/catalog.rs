@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use rotorlead_records::files::{Fault, Place, did_you_mean, shown};
+use rotorlead_records::files::{Fault, KeyPath, did_you_mean, shown};
 
 use super::{ActiveEffect, Kind, STANDARD};
 use crate::model::{Effect, Model};
@@ -52,7 +52,7 @@ impl Catalog {
     /// # Errors
     /// A fault as of [`Catalog::resolve`].
     pub fn active_effects(&self, model: &Model) -> Result<Vec<ActiveEffect>, Fault> {
-        let place = Place::root().key("effect");
+        let place = KeyPath::root().key("effect");
         let resolved = model.effects.iter().enumerate().map(|(index, effect)| self.resolve(effect, &place.item(index)));
         let mut effects = resolved.collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut effects);
@@ -64,7 +64,7 @@ impl Catalog {
     /// # Errors
     /// A fault for a kind that is not in the catalog, a parameter that the kind has not got, one that is missing, and a value
     /// that no actuator has.
-    pub fn resolve(&self, effect: &Effect, place: &Place) -> Result<ActiveEffect, Fault> {
+    pub fn resolve(&self, effect: &Effect, place: &KeyPath) -> Result<ActiveEffect, Fault> {
         let kind = self.find(&effect.kind).ok_or_else(|| self.unknown_kind(&effect.kind, &place.key("kind")))?;
         let names = kind.parameters.iter().map(|parameter| parameter.name);
         let parameters = place.key("parameters");
@@ -85,7 +85,7 @@ impl Catalog {
         Ok(ActiveEffect::checked(kind, values))
     }
 
-    pub(super) fn check_values(kind: &Kind, values: &[f64], place: &Place) -> Result<(), Fault> {
+    pub(super) fn check_values(kind: &Kind, values: &[f64], place: &KeyPath) -> Result<(), Fault> {
         for (parameter, &value) in kind.parameters.iter().zip(values) {
             let (from, to) = parameter.bounds();
             let place = place.key(parameter.name);
@@ -105,7 +105,7 @@ impl Catalog {
         })
     }
 
-    fn unknown_kind(&self, id: &str, place: &Place) -> Fault {
+    fn unknown_kind(&self, id: &str, place: &KeyPath) -> Fault {
         let ids = || self.kinds().map(|kind| kind.id);
         let help = did_you_mean(id, ids()).unwrap_or_else(|| format!("the kinds are {}", list(ids())));
         place.clone().fault(format!("`{id}` is no kind of effect that this version knows"), help)

@@ -67,7 +67,7 @@ pub static KIND: Kind = Kind {
     response: Kind::unity,
 };
 
-/// The width where it has shrunk most, over that at the nominal command.
+/// The width where it has shrunk most, over that at the nominal command. Chosen: it keeps a width above zero however far a search goes.
 const LEAST_PART: f64 = 0.1;
 
 /// Takes over what is at least a width away, which may be that of the command.

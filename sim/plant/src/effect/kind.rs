@@ -9,7 +9,7 @@ use super::{Part, Recipe};
 use crate::operating::OperatingPoint;
 use crate::rotor::RotorBase;
 
-/// Beyond what is plausible by this factor a value is a slip of its unit.
+/// Beyond what is plausible by this factor a value is a slip of its unit. Derived: prefixes of units are a thousand apart.
 const FAR: f64 = 1e3;
 
 /// A kind of effect: what it is, how it shows, and how it is simulated.
@@ -249,6 +249,7 @@ impl Parameter {
             plausible: (0.0, 1.0),
             scale: Scale::Linear,
             starts: &[],
+            // Chosen: most responses change smoothly within a twelfth of a plausible range; fewer miss a basin, more take time.
             pieces: 12,
             usage: Use::Fitted,
             is_lag: false,
@@ -305,7 +306,7 @@ impl Parameter {
         self
     }
 
-    /// With a response that moves smoothly over large parts of the range.
+    /// With a response that moves smoothly over large parts of the range. Chosen: four pieces, one for each quarter of it; more take time.
     pub const fn smooth(self) -> Self {
         self.jumping(4)
     }

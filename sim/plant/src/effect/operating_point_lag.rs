@@ -3,9 +3,10 @@
 use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::rotor::{Motion, RotorEffect};
 
-/// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
+/// Speeds below a tenth, or above ten times, of that of the model's numbers count as these. Chosen: beyond the range of commands of a
+/// flight; without an end a rotor at rest would be infinitely slow.
 const FURTHEST: f64 = 10.0;
-/// The linear part leaves this of the time constant at least.
+/// The linear part leaves this of the time constant at least. Chosen: it keeps the time constant above zero however far a search goes.
 const LEAST_PART: f64 = 0.2;
 
 /// What it is called in files.

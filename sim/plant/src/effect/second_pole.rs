@@ -68,7 +68,8 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Lags that are nearer to each other than this part are taken as so far apart: their sum is then rounded by 1e-10.
+/// Lags that are nearer to each other than this part are taken as so far apart. Derived: their sum is then rounded by 1e-10, a double's
+/// `1e-16 / 1e-6`.
 const LEAST_APART: f64 = 1e-6;
 
 struct Lowpass {

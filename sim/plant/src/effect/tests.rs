@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use num_complex::Complex64;
 use proptest::prelude::*;
-use rotorlead_records::files::Place;
+use rotorlead_records::files::KeyPath;
 
 use super::*;
 use crate::testing::{active, actuator, model, point, seen_response, step};
@@ -133,7 +133,7 @@ fn what_repeats_is_the_same_whether_run_again_or_not() {
     let drive = CommandSignal { time_s: &rows, command: &command };
     let alone = std::iter::once(Vec::new());
     for effects in alone.chain(typical_and_bent().map(|effect| vec![effect])) {
-        for start in [Start::Rest(0.5), Start::Running { period_s: 8.0, lead_s: 1.0 }] {
+        for start in [Start::Rest(0.5), Start::PartOfPeriod { period_s: 8.0, lead_s: 1.0 }] {
             for late_s in [0.0, 0.003, -0.004] {
                 let stamps: Vec<f64> = rows.iter().map(|time_s| time_s - late_s).collect();
                 let run = simulate_response(&mut actuator(&effects), drive, start, &stamps).unwrap();
@@ -183,15 +183,15 @@ fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
     let command: Vec<f64> = (0..400_u32).map(|tick| 0.5 + 0.1 * (f64::from(tick % 200) * 1.7).sin()).collect();
     let drive = CommandSignal { time_s: &told_s, command: &command };
     let run = |start: Start| simulate_response(&mut actuator(&[]), drive, start, &told_s).unwrap();
-    let for_long = run(Start::Periodic { period_s: 2.0, periods: 3 });
+    let for_long = run(Start::WholePeriods { period_s: 2.0, periods: 3 });
     let apart = |other: &[f64]| for_long.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let (short, whole) = (1.0, 2.0);
     // It began up to 1 from where it would have been, and forgets by e^-10 and e^-20.
-    assert!(apart(&run(Start::Running { period_s: 2.0, lead_s: short })) < (-10.0_f64).exp());
-    assert!(apart(&run(Start::Running { period_s: 2.0, lead_s: whole })) < (-20.0_f64).exp());
+    assert!(apart(&run(Start::PartOfPeriod { period_s: 2.0, lead_s: short })) < (-10.0_f64).exp());
+    assert!(apart(&run(Start::PartOfPeriod { period_s: 2.0, lead_s: whole })) < (-20.0_f64).exp());
     assert!(apart(&run(Start::Rest(0.5))) > 0.01);
     let too_short =
-        simulate_response(&mut actuator(&[]), drive, Start::Running { period_s: 0.0, lead_s: 1.0 }, &told_s);
+        simulate_response(&mut actuator(&[]), drive, Start::PartOfPeriod { period_s: 0.0, lead_s: 1.0 }, &told_s);
     assert!(too_short.is_err());
 }
 
@@ -330,7 +330,7 @@ fn a_neutral_shape_changes_no_digit_and_others_do() {
         let mut written = typical(kind).to_effect(&[]);
         let (name, neutral) = kind.shape().map(|(_, shape)| (shape.name, shape.default().unwrap())).unwrap();
         assert!(!written.parameters.contains_key(name), "{kind:?}");
-        let resolved = |effect: &Effect| Catalog::standard().resolve(effect, &Place::root()).unwrap();
+        let resolved = |effect: &Effect| Catalog::standard().resolve(effect, &KeyPath::root()).unwrap();
         let without = resolved(&written);
         written.parameters.insert(name.to_owned(), neutral);
         assert_eq!(bits(&resolved(&written)), bits(&without), "{kind:?}");
@@ -452,7 +452,7 @@ fn small_signals_see_the_linearized_effect() {
 fn a_sagging_supply_overshoots_and_creeps_to_its_steady_voltage() {
     let sag = active(&supply_sag::KIND, &[0.1, 1.0, 0.04, 1.0, 16.0, 10.0]);
     let mut plant = actuator(&[sag]);
-    let supply = plant.state_derivative().unwrap();
+    let supply = plant.supply_measurement().unwrap();
     // At a speed of 0.5 both drops are there in full, and the nominal response is that of the model.
     assert!((supply.voltage_v - 16.0 * 0.86).abs() < 1e-9 && (supply.current_a - 10.0).abs() < 1e-9);
     assert!(plant.response().abs() < 1e-9);
@@ -461,16 +461,16 @@ fn a_sagging_supply_overshoots_and_creeps_to_its_steady_voltage() {
         plant.advance(0.6, f64::from(tick) * 1e-3);
         peak = peak.max(plant.response());
     }
-    let (speed, supply) = (plant.speed(), plant.state_derivative().unwrap());
+    let (speed, supply) = (plant.equivalent_command(), plant.supply_measurement().unwrap());
     let current = (speed / 0.5).powi(2);
     assert!((supply.voltage_v / 16.0 - (1.0 - 0.14 * current)).abs() < 1e-8);
     assert!((speed - 0.6 * supply.voltage_v / (16.0 * 0.86)).abs() < 1e-8);
     assert!((plant.response() - 10.0 * (speed - 0.5)).abs() < 1e-8 && peak > 1.02 * plant.response());
     // With the motor stopped at once the resistance lets go with the speed, the polarization by its time constant.
     plant.advance(0.0, 21.5);
-    let slow_then = 1.0 - plant.state_derivative().unwrap().voltage_v / 16.0;
+    let slow_then = 1.0 - plant.supply_measurement().unwrap().voltage_v / 16.0;
     plant.advance(0.0, 22.5);
-    let slow_later = 1.0 - plant.state_derivative().unwrap().voltage_v / 16.0;
+    let slow_later = 1.0 - plant.supply_measurement().unwrap().voltage_v / 16.0;
     assert!((slow_later / slow_then - (-1.0_f64).exp()).abs() < 1e-4, "{slow_then} {slow_later}");
 }
 
@@ -540,7 +540,7 @@ fn a_model_says_what_is_wrong_with_its_effects() {
     let resolve = |kind: &str, parameters: &[(&str, f64)]| {
         let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
         let effect = Effect { kind: kind.to_owned(), parameters, std: Default::default() };
-        Catalog::standard().resolve(&effect, &Place::root().key("effect").item(0))
+        Catalog::standard().resolve(&effect, &KeyPath::root().key("effect").item(0))
     };
     for (kind, parameters, place, part, help) in [
         ("slew_limt", &[][..], "`effect` 1, `kind`", "no kind", "did you mean `slew_limit`"),
@@ -573,7 +573,7 @@ fn an_effect_goes_into_a_file_and_comes_back() {
     for kind in Catalog::standard().kinds() {
         let effect = typical(kind);
         let written = effect.to_effect(&[0.01]);
-        assert_eq!(Catalog::standard().resolve(&written, &Place::root()).unwrap(), effect);
+        assert_eq!(Catalog::standard().resolve(&written, &KeyPath::root()).unwrap(), effect);
         assert_eq!(written.std.values().collect::<Vec<_>>(), [&0.01]);
     }
 }
@@ -696,5 +696,5 @@ fn a_gain_that_is_none_has_the_speed_of_its_command() {
     let flat = OperatingPoint { lag: crate::model::Lag { gain: 0.0, ..point().lag }, ..point() };
     let mut plant = Actuator::with_effects(flat, &[], EscTiming::default()).unwrap();
     plant.advance(0.7, 1.0);
-    assert_eq!((plant.response(), plant.speed()), (0.0, 0.7));
+    assert_eq!((plant.response(), plant.equivalent_command()), (0.0, 0.7));
 }

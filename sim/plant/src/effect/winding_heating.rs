@@ -7,7 +7,8 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, 
 use crate::filter::MEMORY_TIME_CONSTANTS;
 use crate::rotor::{Motion, RotorBase, RotorEffect};
 
-/// A motor that has lost so much of its drive has burnt.
+/// A motor that has lost so much of its drive has burnt. Chosen: it keeps a search's drive above zero, and no model of a flight comes near
+/// it.
 const LEAST_REMAINING_DRIVE: f64 = 0.1;
 
 /// What it is called in files.

@@ -6,7 +6,7 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Which value.
-    pub place: Place,
+    pub place: KeyPath,
     /// Which rule it breaks, as the end of a sentence that begins with the place.
     pub message: String,
     /// What to do about it.
@@ -23,9 +23,9 @@ impl fmt::Display for Fault {
 ///
 /// Printed with items counted from one: `` `point` 2, `gain` ``.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place(pub(super) Vec<Step>);
+pub struct KeyPath(pub(super) Vec<Step>);
 
-/// One step of a [`Place`].
+/// One step of a [`KeyPath`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     /// Into the value of a key.
@@ -34,7 +34,7 @@ pub(super) enum Step {
     Item(usize),
 }
 
-impl Place {
+impl KeyPath {
     /// The file as a whole.
     #[must_use]
     pub fn root() -> Self {
@@ -86,7 +86,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for KeyPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (position, step) in self.0.iter().enumerate() {
             match step {

@@ -9,6 +9,7 @@
 //! A rule on values is written once, as a function that returns a [`Fault`]: reading shows the
 //! fault in the file's text, writing refuses with it before anything is written.
 
+mod accepted_range;
 mod blocks;
 mod checksum;
 pub mod csv_rows;
@@ -19,7 +20,6 @@ mod fault;
 mod folder;
 mod interrupt;
 mod printable;
-mod quantity;
 mod text;
 mod toml_file;
 mod write;
@@ -28,16 +28,16 @@ mod write;
 #[doc(hidden)]
 pub mod testing;
 
+pub use accepted_range::{AcceptedRange, shown, shown_to};
 pub(crate) use blocks::TextBlocks;
 pub use checksum::{checksum, checksum_of_files};
 pub use did_you_mean::did_you_mean;
 pub use error::{FileError, Located};
 pub use excerpt::Excerpt;
-pub use fault::{Fault, Place};
+pub use fault::{Fault, KeyPath};
 pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
 pub use printable::{PrintableReport, PrintableReports, is_order, printable, printable_line};
-pub use quantity::{Quantity, shown, shown_to};
 pub use text::{TextFile, bytes_read};
 pub use toml_file::{TomlFile, to_toml, write_toml};
 pub use write::{all_or_nothing, check_writable, make_folder, write_file, write_file_parts};

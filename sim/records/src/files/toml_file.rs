@@ -11,7 +11,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::did_you_mean::{alike, did_you_mean};
 use super::fault::Step;
-use super::{Fault, FileError, Place, TextFile, write_file};
+use super::{Fault, FileError, KeyPath, TextFile, write_file};
 
 /// The layout that this version reads and writes.
 const FORMAT: u32 = 1;
@@ -107,7 +107,7 @@ impl TomlFile {
         };
         match table.get_ref().get("format").map(|value| value.get_ref()) {
             Some(DeValue::Integer(format)) if format.as_str() != FORMAT.to_string() => {
-                let fault = Place::root().key("format").fault(
+                let fault = KeyPath::root().key("format").fault(
                     format!("layout {format} is not known to this version"),
                     format!("this version reads layout {FORMAT}; use the version that wrote the file"),
                 );
@@ -138,7 +138,7 @@ impl TomlFile {
         let message = error.message();
         if let Some(kinds) = WrongKind::from_message(message) {
             let root = DeTable::parse(self.text.text()).ok().map(|root| DeValue::Table(root.into_inner()));
-            let place = root.and_then(|root| find_place(&root, &span, Place::root())).unwrap_or_default();
+            let place = root.and_then(|root| find_place(&root, &span, KeyPath::root())).unwrap_or_default();
             let fault = place.fault(format!("{} where {} is needed", kinds.found, kinds.needed), kinds.remedy);
             return self.text.complaint(span, fault.to_string(), "here", fault.help);
         }
@@ -170,7 +170,7 @@ impl TomlFile {
         (found.name != needed.name).then_some((found, needed))
     }
 
-    fn span(&self, place: &Place) -> Range<usize> {
+    fn span(&self, place: &KeyPath) -> Range<usize> {
         let mut span = 0..0;
         let Ok(root) = DeTable::parse(self.text.text()) else {
             return span;
@@ -229,8 +229,8 @@ impl FileKind {
 }
 
 /// The way to the value that stands at `span`.
-fn find_place(value: &DeValue<'_>, span: &Range<usize>, place: Place) -> Option<Place> {
-    let within = |found: Range<usize>, value: &DeValue<'_>, place: Place| {
+fn find_place(value: &DeValue<'_>, span: &Range<usize>, place: KeyPath) -> Option<KeyPath> {
+    let within = |found: Range<usize>, value: &DeValue<'_>, place: KeyPath| {
         if found == *span { Some(place) } else { find_place(value, span, place) }
     };
     match value {
@@ -424,12 +424,12 @@ mod tests {
         let scratch = Scratch::new();
         let path = scratch.file("example.toml", GOOD);
         let (_, file) = TomlFile::read::<Example>(&path).unwrap();
-        let second = Place::root().key("point").item(1);
-        let shown = |place: Place| file.show(&place.fault("is wrong", "right it"));
+        let second = KeyPath::root().key("point").item(1);
+        let shown = |place: KeyPath| file.show(&place.fault("is wrong", "right it"));
         let nominal = second.key("nominal");
         assert_report(shown(nominal), &["example.toml:5:11", "`point` 2, `nominal`: is wrong", "right it"]);
         assert_report(shown(second.key("axes").item(1)), &["example.toml:6:12", "`axes` 2"]);
         assert_report(shown(second.key("absent")), &["example.toml:4:1"]);
-        assert_report(shown(Place::root()), &["example.toml:1:1"]);
+        assert_report(shown(KeyPath::root()), &["example.toml:1:1"]);
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::stamps::typical_and_longest;
 use super::{ImportError, Timing};
-use crate::files::{Quantity, shown};
+use crate::files::{AcceptedRange, shown};
 
 /// Distance from the even grid, in intervals, up to which rows count as evenly spaced.
 const EVEN_WITHIN_INTERVALS: f64 = 1e-3;
@@ -54,7 +54,7 @@ pub(super) fn zero_based_stamps(
     }
     let span = time_s.last().copied().unwrap_or(0.0);
     let interval = span / (time_s.len() - 1) as f64;
-    if interval.recip() > Quantity::SAMPLE_RATE_HZ.greatest {
+    if interval.recip() > AcceptedRange::SAMPLE_RATE_HZ.greatest {
         return Err(ImportError::Variable {
             file: file.into(),
             name: name.into(),

@@ -14,7 +14,7 @@ use jiff::civil::DateTime;
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
-use super::table::{Reading, Table};
+use super::table::{CellFormat, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, Timing};
 use crate::experiment::{Excitation, Output};
 
@@ -43,7 +43,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     let (time, duty, speed) = (need(TIME)?, need(COMMAND)?, need(SPEED)?);
     let (voltage, current) = (table.find(VOLTAGE), table.find(CURRENT));
     let read: Vec<_> =
-        [Some(duty), Some(speed), voltage, current].into_iter().flatten().map(|c| (c, Reading::Decimal)).collect();
+        [Some(duty), Some(speed), voltage, current].into_iter().flatten().map(|c| (c, CellFormat::Decimal)).collect();
     let mut numbers = table.numbers(&read)?.into_iter();
     let mut values = || numbers.next().unwrap_or_default();
     let (mut command, rpm) = (values(), values());

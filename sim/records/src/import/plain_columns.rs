@@ -8,7 +8,7 @@ use super::missing::{EXCITATIONS, MissingOption};
 use super::plain_layout::PlainTable;
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
-use super::table::{Reading, seconds_since_midnight};
+use super::table::{CellFormat, seconds_since_midnight};
 use super::{ImportError, ImportOptions, rcbenchmark};
 use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
@@ -37,8 +37,8 @@ pub(super) struct Pick {
 }
 
 impl Pick {
-    pub(super) fn reading(self) -> Reading {
-        if self.unit.scale == Scale::Clock { Reading::Clock } else { Reading::Decimal }
+    pub(super) fn reading(self) -> CellFormat {
+        if self.unit.scale == Scale::Clock { CellFormat::Clock } else { CellFormat::Decimal }
     }
 }
 
@@ -276,7 +276,7 @@ fn guessed(
     if quantity != Quantity::Command {
         return None;
     }
-    let [values] = &plain.table.numbers(&[(column, Reading::Decimal)]).ok()?[..] else { return None };
+    let [values] = &plain.table.numbers(&[(column, CellFormat::Decimal)]).ok()?[..] else { return None };
     let numbers = || values.iter().copied().filter(|value| !value.is_nan());
     let (least, most) = (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
     let least_above_zero = numbers().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);

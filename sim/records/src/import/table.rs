@@ -36,7 +36,7 @@ pub(super) enum Comma {
 
 /// How the cells of a column become numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reading {
+pub(super) enum CellFormat {
     /// Decimal numbers.
     Decimal,
     /// Readings of a clock, in seconds since midnight.
@@ -203,7 +203,7 @@ impl<'a> Table<'a> {
     }
 
     /// The numbers of each of `columns`, row by row; NaN where a cell is blank.
-    pub(super) fn numbers(&self, columns: &[(usize, Reading)]) -> Result<Vec<Vec<f64>>, ImportError> {
+    pub(super) fn numbers(&self, columns: &[(usize, CellFormat)]) -> Result<Vec<Vec<f64>>, ImportError> {
         let lines = memchr_iter(b'\n', self.text.as_bytes()).count() + 1;
         let mut numbers = vec![Vec::new(); columns.len()];
         for values in &mut numbers {
@@ -212,8 +212,8 @@ impl<'a> Table<'a> {
         self.each(|row| {
             for (values, &(column, reading)) in numbers.iter_mut().zip(columns) {
                 let cell = match reading {
-                    Reading::Decimal => Cell::parse(row.bytes(column), self.comma),
-                    Reading::Clock => match seconds_since_midnight(row.text(column)) {
+                    CellFormat::Decimal => Cell::parse(row.bytes(column), self.comma),
+                    CellFormat::Clock => match seconds_since_midnight(row.text(column)) {
                         Some(seconds) => Cell::Number(seconds),
                         None if row.text(column).is_empty() => Cell::Blank,
                         None => Cell::Text,

@@ -89,12 +89,12 @@ fn draw_panel<B: Canvas>(panel: &Panel, area: &Area<B>, extent: &Extent) -> Draw
         }
         _ => LEFT,
     };
-    let right = match (&panel.map, &panel.y.beside) {
+    let right = match (&panel.map, &panel.y.secondary) {
         (Some(_), _) => SCALE,
         (None, Some(_)) => RIGHT,
         (None, None) => 26 * PX,
     };
-    let above = if panel.x.beside.is_some() { ABOVE } else { 0 };
+    let above = if panel.x.secondary.is_some() { ABOVE } else { 0 };
     let x = Along::new(&panel.x, extent.x, 10, false);
     let y = Along::new(&panel.y, extent.y, (panel.height / 50) as usize, matches!(panel.y.scale, Scale::Names(_)));
     let mut builder = ChartBuilder::on(area);
@@ -146,37 +146,37 @@ fn draw_panel<B: Canvas>(panel: &Panel, area: &Area<B>, extent: &Extent) -> Draw
 
 /// The second reading of the x axis, above the panel.
 fn draw_above<B: Canvas>(panel: &Panel, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
-    let Some(beside) = &panel.x.beside else { return Ok(()) };
-    let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
+    let Some(secondary) = &panel.x.secondary else { return Ok(()) };
+    let ends = (extent.x.0 * secondary.factor, extent.x.1 * secondary.factor);
     let (left, top) = area.get_base_pixel();
     // Of a list the first name is at the top, so that the top is not where the values end.
     let above = chart.plotting_area().get_pixel_range().1.start - top;
     let place = |x: f64| (chart.backend_coord(&(x, chart.y_range().end)).0 - left, above);
     for (value, name) in ticks(&panel.x.scale, ends, 10) {
-        let (x, y) = place(value / beside.factor);
+        let (x, y) = place(value / secondary.factor);
         area.draw(&PathElement::new(vec![(x, y), (x, y - TICK as i32)], BLACK.stroke_width(THIN)))?;
         words(area, &name, (x, y - 13 * PX as i32), HPos::Center)?;
     }
     let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
-    words(area, &beside.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
+    words(area, &secondary.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
 }
 
 /// The second reading of the y axis, right of the panel.
 fn draw_right<B: Canvas>(panel: &Panel, extent: &Extent, chart: &Chart<B>, area: &Area<B>) -> Drawing<()> {
-    let Some(beside) = &panel.y.beside else { return Ok(()) };
-    let ends = (extent.y.0 * beside.factor, extent.y.1 * beside.factor);
+    let Some(secondary) = &panel.y.secondary else { return Ok(()) };
+    let ends = (extent.y.0 * secondary.factor, extent.y.1 * secondary.factor);
     let (left, top) = area.get_base_pixel();
     let right = chart.plotting_area().get_pixel_range().0.end - left;
     let place = |y: f64| (right, chart.backend_coord(&(chart.x_range().end, y)).1 - top);
     for (value, name) in ticks(&panel.y.scale, ends, (panel.height / 50) as usize) {
-        let (x, y) = place(value / beside.factor);
+        let (x, y) = place(value / secondary.factor);
         area.draw(&PathElement::new(vec![(x, y), (x + TICK as i32, y)], BLACK.stroke_width(THIN)))?;
         words(area, &name, (x + 8 * PX as i32, y), HPos::Left)?;
     }
     let ((x, from), (_, to)) = (place(extent.y.0), place(extent.y.1));
     let style = ("sans-serif", SMALL_FONT).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
     let upright = style.transform(FontTransform::Rotate90);
-    Ok(area.draw(&Text::new(beside.title(), (x + 66 * PX as i32, (from + to) / 2), upright))?)
+    Ok(area.draw(&Text::new(secondary.title(), (x + 66 * PX as i32, (from + to) / 2), upright))?)
 }
 
 fn draw_series<B: Canvas>(

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::extent::{Extent, has, is_drawn};
 use super::ticks::ticks;
 use super::{FigureError, PALE};
-use crate::markup::markup;
+use crate::markup::escape_markup;
 
 /// Significant digits of what is drawn: a screen has no more.
 const DIGITS: usize = 6;
@@ -29,8 +29,8 @@ fn plot(panel: &Panel, extent: &Extent) -> Value {
     let maps = panel.map.iter().flat_map(|map| map_traces(map, panel));
     let mut data: Vec<Value> =
         maps.chain(panel.series.iter().flat_map(|series| series_traces(series, panel, extent))).collect();
-    let right = if panel.y.beside.is_some() { 52 } else { 14 };
-    let top = if panel.x.beside.is_some() { 52 } else { 14 };
+    let right = if panel.y.secondary.is_some() { 52 } else { 14 };
+    let top = if panel.x.secondary.is_some() { 52 } else { 14 };
     let mut layout = json!({
         "autosize": true, "height": panel.height, "margin": { "l": 62, "r": right, "t": top, "b": 48 },
         "showlegend": false, "hovermode": "closest", "dragmode": "zoom",
@@ -56,15 +56,15 @@ fn plot(panel: &Panel, extent: &Extent) -> Value {
 /// The axis that has a second reading, and how much of its unit one of the first is.
 fn second_reading(panel: &Panel) -> Value {
     let of = |axis: &Axis, place: &str| {
-        axis.beside.as_ref().map(|beside| json!({ "place": place, "factor": beside.factor }))
+        axis.secondary.as_ref().map(|secondary| json!({ "place": place, "factor": secondary.factor }))
     };
     json!(of(&panel.x, "x").or_else(|| of(&panel.y, "y")))
 }
 
 /// An axis' second reading between these ends of the first.
 fn plotted_beside(axis: &Axis, ends: (f64, f64), over: &str, side: &str) -> Option<Value> {
-    let beside = axis.beside.as_ref()?;
-    let mut layout = plotted(axis, ends, beside.factor, beside.title());
+    let secondary = axis.secondary.as_ref()?;
+    let mut layout = plotted(axis, ends, secondary.factor, secondary.title());
     layout["showgrid"] = false.into();
     layout["overlaying"] = over.into();
     layout["side"] = side.into();
@@ -99,11 +99,13 @@ fn plotted(axis: &Axis, (low, high): (f64, f64), factor: f64, title: String) -> 
 
 /// How a value on the axis is read when it is pointed at: `place` is `x` or `y`.
 fn axis_reading(axis: &Axis, place: &str) -> String {
-    let beside =
-        axis.beside.as_ref().map_or_else(String::new, |beside| format!(" (%{{customdata:.4~g}} {})", beside.unit));
+    let secondary = axis
+        .secondary
+        .as_ref()
+        .map_or_else(String::new, |secondary| format!(" (%{{customdata:.4~g}} {})", secondary.unit));
     match axis.scale {
         Scale::Names(_) => String::new(),
-        _ => format!("{}: %{{{place}:.4~g}} {}{beside}<br>", axis.label, axis.unit),
+        _ => format!("{}: %{{{place}:.4~g}} {}{secondary}<br>", axis.label, axis.unit),
     }
 }
 
@@ -166,7 +168,7 @@ fn series_traces(series: &Series, panel: &Panel, extent: &Extent) -> Vec<Value> 
 fn series_reading(series: &Series, panel: &Panel) -> String {
     let note = if series.notes.is_empty() { "" } else { "%{text}<br>" };
     let (x, y) = (axis_reading(&panel.x, "x"), axis_reading(&panel.y, "y"));
-    format!("{note}<b>{}</b><br>{x}{y}<extra></extra>", markup(&series.name))
+    format!("{note}<b>{}</b><br>{x}{y}<extra></extra>", escape_markup(&series.name))
 }
 
 fn rgba(series: &Series, opacity: f64) -> String {
@@ -216,7 +218,7 @@ fn map_reading(map: &HeatMap, panel: &Panel, (from, to): (f64, f64), row: usize,
         _ => "",
     };
     let (from, to, value) = (rounded(from, 3), rounded(to, 3), rounded(value, 3));
-    format!("{} {}<br>{from} to {to} {}<br>{}: {value}", panel.y.label, markup(name), panel.x.unit, map.label)
+    format!("{} {}<br>{from} to {to} {}<br>{}: {value}", panel.y.label, escape_markup(name), panel.x.unit, map.label)
 }
 
 fn map_scale(map: &HeatMap) -> Vec<(f64, String)> {

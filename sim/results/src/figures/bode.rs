@@ -8,7 +8,7 @@ use rotorlead_identify::frequency_response::FrequencyResponse;
 use rotorlead_identify::frequency_response::etfe::ResponsePoint;
 use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 
-/// Probability that a band holds the truth, at each line.
+/// Probability that a band holds the truth, at each line. Standard: 95 %, as of every interval that is printed.
 pub(super) const BAND: f64 = 0.95;
 
 /// One response.
@@ -133,9 +133,10 @@ impl Curve {
     }
 }
 
-/// Measured points whose mean phase says the turn of the next.
+/// Measured points whose mean phase says the turn of the next. Chosen: noise of the mean is a third of a point's; fewer climb by a turn
+/// sooner, more lag behind a phase that falls.
 const NEAR: usize = 9;
-/// Frequencies of a model's curve.
+/// Frequencies of a model's curve. Chosen: one every 3 to 4 of a figure's 900 pixels, which shows no corners; more make the file large.
 const COUNT: u32 = 240;
 
 fn decibels(magnitude: f64) -> f64 {

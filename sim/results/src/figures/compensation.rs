@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_design::redesign::Compensated;
 use rotorlead_design::{BandwidthPoint, Chain};
-use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, THREE_DB};
+use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, MINUS_3_DB};
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use rotorlead_identify::lag::multisine::{NominalIdentification, RecordResponse};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
@@ -12,11 +12,13 @@ use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 use super::bode::{Curve, bode};
 use crate::number::at_nominal;
 
-/// The lowest frequency of a model's curve, rad/s: that of the paper's excitation.
+/// The lowest frequency of a model's curve, rad/s. Derived: that of the paper's excitation, 0.1 Hz, `2 pi 0.1`.
 const FROM_RAD_S: f64 = 0.63;
-/// Highest drawn of a chain without measurement, rad/s.
+/// Highest drawn of a chain without measurement, rad/s. Chosen: ten times the bandwidth of the paper's compensated motor, about 95; beyond,
+/// nothing is controlled.
 const TO_RAD_S: f64 = 1000.0;
-/// Lowest phase drawn of a chain without measurement, degrees.
+/// Lowest phase drawn of a chain without measurement, degrees. Chosen: twice the -180 at which any loop around it has lost its phase; a
+/// dead time turns on without end.
 const LOWEST_PHASE_DEG: f64 = -360.0;
 
 /// The color of a compensator's kind, as it is wherever kinds are compared. Without a design it is a lead.
@@ -30,12 +32,13 @@ pub fn color(design: Option<&CompensatorDesign>) -> Color {
 
 /// The level that defines a bandwidth.
 fn levels() -> [(&'static str, f64); 1] {
-    [("-3 dB", 20.0 * THREE_DB.log10())]
+    [("-3 dB", 20.0 * MINUS_3_DB.log10())]
 }
 
 /// The compensator: as designed, and as the controller computes it.
 #[must_use]
 pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
+    // Chosen: just below half the loop rate, where a sampled response is real and ends.
     let half = 0.98 * std::f64::consts::PI * design.loop_rate_hz();
     let ends = (FROM_RAD_S, half);
     let rate = format!("in integers, at {} Hz", design.loop_rate_hz());
@@ -173,6 +176,7 @@ fn with_compensator(
 /// The identification of records without compensator at the same nominal command.
 fn same(found: &[NominalIdentification], nominal: f64) -> Option<&NominalIdentification> {
     let is_plain = |one: &NominalIdentification| one.responses.iter().any(|response| !response.compensated);
+    // Chosen: 1e-6 is above the rounding of decimals, and below any step of a command.
     found.iter().find(|one| (one.nominal - nominal).abs() < 1e-6 && is_plain(one))
 }
 

@@ -9,11 +9,13 @@ use rotorlead_diagnose::{Diagnosis, Excess, MapCell};
 
 use crate::unit::unit;
 
-/// Kinds that are shown.
+/// Kinds that are shown. Chosen: most of the catalog, the best first, on one screen of 26 pixels a bar; the figure's numbers have all.
 const MOST_KINDS: usize = 12;
-/// The map's darkest color: so many times the power of the noise.
+/// The map's darkest color: so many times the power of the noise. Chosen: residuals of 32 times the noise, `sqrt(1000)`; less leaves large
+/// ones alike, more makes small ones pale.
 const DARKEST: f64 = 1000.0;
-/// Height of a line of a table of bars or dots, and of what is around them.
+/// Height of a line of a table of bars or dots, and of what is around them, pixels. Chosen: a line of text, and title and axis; more is
+/// empty.
 const LINE: u32 = 26;
 const AROUND: u32 = 100;
 

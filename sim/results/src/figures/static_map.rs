@@ -7,7 +7,7 @@ use rotorlead_records::Output;
 
 use crate::unit::quantity;
 
-/// Points of the curve.
+/// Points of the curve. Chosen: one every 7 of a figure's 900 pixels, which shows no corners of a polynomial of low degree.
 const COUNT: u32 = 120;
 
 /// The steady points, and the polynomial with its band.

@@ -6,7 +6,7 @@ use rotorlead_records::Output;
 
 use crate::unit::quantity;
 
-/// Points of a curve: more than a screen has columns.
+/// Points of a curve. Chosen: more than the 900 pixels of a figure's width, so that nothing is lost to the eye; more make the file large.
 const MOST: usize = 1500;
 
 /// One record beside the model, and what is left.

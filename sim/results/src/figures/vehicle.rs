@@ -1,9 +1,9 @@
 //! Figures of a comparison of actuators in a vehicle.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_vehicle::{ActuatorKind, Airframe, Row, Study};
+use rotorlead_vehicle::{Airframe, MotorControlKind, Row, Study};
 
-/// Height of a panel among several, pixels.
+/// Height of a panel among several, pixels. Chosen: three quarters of a panel alone, 320, so that two are on a screen.
 const HEIGHT: u32 = 240;
 
 /// Bandwidths and disturbances at each latency, and lateral force where there is some.
@@ -12,14 +12,14 @@ pub fn vehicle_figures(study: &Study, airframe: &Airframe) -> Vec<Figure> {
 }
 
 /// The bare motor, the lead and an inverse have the colors that they have in every figure; others have those that are left.
-fn actuator_colors(actuators: impl Iterator<Item = ActuatorKind>) -> Vec<Color> {
+fn actuator_colors(actuators: impl Iterator<Item = MotorControlKind>) -> Vec<Color> {
     let mut left = [Color::Sky, Color::Purple, Color::Green, Color::Orange].into_iter().cycle();
     let mut of_inverse = std::iter::once(Color::Blue);
     let color = |actuator| match actuator {
-        ActuatorKind::None => Some(Color::Gray),
-        ActuatorKind::Lead => Some(Color::Vermilion),
-        ActuatorKind::Inverse { .. } => of_inverse.next().or_else(|| left.next()),
-        ActuatorKind::SpeedFeedback { .. } => left.next(),
+        MotorControlKind::None => Some(Color::Gray),
+        MotorControlKind::Lead => Some(Color::Vermilion),
+        MotorControlKind::Inverse { .. } => of_inverse.next().or_else(|| left.next()),
+        MotorControlKind::SpeedFeedback { .. } => left.next(),
     };
     actuators.filter_map(color).collect()
 }
@@ -108,8 +108,9 @@ mod tests {
 
     #[test]
     fn no_two_of_the_usual_actuators_have_a_color_in_common() {
-        let inverses = [94.0, 150.0, 200.0].map(|omega_f_rad_s| ActuatorKind::Inverse { omega_f_rad_s });
-        let others = [ActuatorKind::None, ActuatorKind::Lead, ActuatorKind::SpeedFeedback { pole_rad_s: 100.0 }];
+        let inverses = [94.0, 150.0, 200.0].map(|omega_f_rad_s| MotorControlKind::Inverse { omega_f_rad_s });
+        let others =
+            [MotorControlKind::None, MotorControlKind::Lead, MotorControlKind::SpeedFeedback { pole_rad_s: 100.0 }];
         let colors = actuator_colors(others.into_iter().chain(inverses));
         assert_eq!((colors[0], colors[1], colors[3]), (Color::Gray, Color::Vermilion, Color::Blue));
         for (index, color) in colors.iter().enumerate() {

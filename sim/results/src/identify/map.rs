@@ -1,13 +1,14 @@
 //! The static map, where the records have plateaus or a ramp.
 
-use rotorlead_answer::{Table, Typed, Unit, Weight, build_table};
+use rotorlead_answer::{Audience, ColumnSpec, Table, Unit, build_table};
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_identify::static_map::{MapLimit, StaticMapFit};
 use rotorlead_records::Output;
 
 use crate::unit::unit;
 
-/// Shares of the response in the table that makes it linear.
+/// Shares of the response in the table that makes it linear. Chosen: a tenth apart; straight between them a square root is off by 0.6 % of
+/// the range from the second share on, and more rows are tedious to copy.
 const LINEARIZED: usize = 11;
 
 /// The polynomial, with what shows beside it as notes; and the commands that make the response linear.
@@ -20,10 +21,10 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
     let unit_of = Unit::plain(unit(output));
     type Row<'a> = (usize, &'a Estimate);
     let columns = [
-        Typed::words("term", "term", |(power, _): &Row| format!("u^{power}")),
-        Typed::new("coefficient", "coefficient", unit_of, decimals, |(_, found): &Row| found.value),
-        Typed::new("lower", "from", unit_of, decimals, |(_, found): &Row| found.interval(0.95).0),
-        Typed::new("upper", "to", unit_of, decimals, |(_, found): &Row| found.interval(0.95).1),
+        ColumnSpec::words("term", "term", |(power, _): &Row| format!("u^{power}")),
+        ColumnSpec::new("coefficient", "coefficient", unit_of, decimals, |(_, found): &Row| found.value),
+        ColumnSpec::new("lower", "from", unit_of, decimals, |(_, found): &Row| found.interval(0.95).0),
+        ColumnSpec::new("upper", "to", unit_of, decimals, |(_, found): &Row| found.interval(0.95).1),
     ];
     let rows: Vec<Row> = fit.coefficients.iter().enumerate().collect();
     let caption = format!(
@@ -35,7 +36,7 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
     );
     Table {
         notes: notes(fit, output),
-        weight: Weight::Detail,
+        weight: Audience::Detail,
         ..build_table("static_map_terms", caption, &columns, &rows)
     }
 }
@@ -84,10 +85,10 @@ fn notes(fit: &StaticMapFit, output: Output) -> Vec<String> {
 fn linearization(fit: &StaticMapFit) -> Option<Table> {
     type Row = (f64, f64);
     let columns = [
-        Typed::new("part", "response", Unit::plain("of its range"), 1, |(part, _): &Row| *part),
-        Typed::new("command", "command", Unit::DUTY, 4, |(_, command): &Row| *command),
+        ColumnSpec::new("part", "response", Unit::plain("of its range"), 1, |(part, _): &Row| *part),
+        ColumnSpec::new("command", "command", Unit::DUTY, 4, |(_, command): &Row| *command),
     ];
     let rows = fit.linearization(LINEARIZED)?;
     let table = build_table("linearization", "Commands that make the response linear", &columns, &rows);
-    Some(Table { weight: Weight::Detail, ..table })
+    Some(Table { weight: Audience::Detail, ..table })
 }

@@ -10,7 +10,7 @@ pub use tables::points_table;
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Answer, Figure, Table, Verdict, Weight};
+use rotorlead_answer::{Answer, Audience, Figure, Table, Verdict};
 use rotorlead_assess::{Assessment, AssessmentContext, assess};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::error::IdentifyError;
@@ -54,6 +54,7 @@ struct MapValues<'a> {
 
 impl<'a> MapValues<'a> {
     fn new(fit: &'a StaticMapFit) -> Self {
+        // Chosen: the shares of the table, a tenth apart.
         Self { fit, degree: fit.degree(), linearization: fit.linearization(11) }
     }
 }
@@ -64,14 +65,14 @@ impl IdentifyResult {
     /// # Errors
     /// Those of [`identify`].
     pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Self, IdentifyError> {
-        Self::beside(experiment, options, None)
+        Self::given_diagnosis(experiment, options, None)
     }
 
     /// The same beside what a diagnosis of the experiment found, for which the motor is judged.
     ///
     /// # Errors
     /// Those of [`identify`].
-    pub fn beside(
+    pub fn given_diagnosis(
         experiment: &Experiment,
         options: &IdentifyOptions,
         found: Option<&Diagnosis>,
@@ -103,10 +104,10 @@ impl IdentifyResult {
         detail.extend(identified.static_map.iter().flat_map(|(_, fit)| map::tables(fit, output)));
         if matches!(identified.lags, Lags::None) {
             // A static map is all that there is to say then.
-            detail.iter_mut().for_each(|table| table.weight = Weight::Shown);
+            detail.iter_mut().for_each(|table| table.weight = Audience::Shown);
         }
         detail.extend(
-            recommendation.iter().map(|found| Table { weight: Weight::Terminal, ..recommendation_table(found) }),
+            recommendation.iter().map(|found| Table { weight: Audience::Terminal, ..recommendation_table(found) }),
         );
         Answer {
             name: "identification",

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_answer::{Datum, Table, Typed, Unit, Weight, build_table};
+use rotorlead_answer::{Audience, CellValue, ColumnSpec, Table, Unit, build_table};
 use rotorlead_identify::frequency_response::ResponseLine;
 use rotorlead_identify::goodness_of_fit::power_over_noise;
 use rotorlead_identify::identification::{Identification, Lags};
@@ -24,14 +24,14 @@ const SECONDS: Unit = Unit::plain("s");
 pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<Table> {
     let points = points_table(&identified.model.points, experiment.output, identified.lags.in_frequency());
     match &identified.lags {
-        Lags::Steps(fit) => vec![Table { weight: Weight::Programs, ..points }, levels(fit)],
+        Lags::Steps(fit) => vec![Table { weight: Audience::Programs, ..points }, levels(fit)],
         Lags::Multisines(found) => {
             vec![Table { notes: vec![STANDARD_ERRORS.to_owned(), held_out(experiment, found)], ..points }]
         }
         Lags::Chirps(found) => {
             vec![Table { notes: [vec![STANDARD_ERRORS.to_owned()], fitted_chirps(found)].concat(), ..points }]
         }
-        Lags::None => vec![Table { weight: Weight::Programs, ..points }],
+        Lags::None => vec![Table { weight: Audience::Programs, ..points }],
     }
 }
 
@@ -41,33 +41,36 @@ pub fn points_table(points: &[Point], output: Output, fitted: Option<&PeriodicId
     let points: Vec<(usize, &Point)> = points.iter().enumerate().collect();
     type Row<'a> = (usize, &'a Point);
     let mut columns = vec![
-        Typed::new("nominal", "u_nom", Unit::DUTY, 3, |(_, point): &Row| point.nominal),
-        Typed::new("gain", "gain", Unit::plain(unit(output)), 4, |(_, point): &Row| {
-            Datum::Estimate(point.gain, point.gain_std)
+        ColumnSpec::new("nominal", "u_nom", Unit::DUTY, 3, |(_, point): &Row| point.nominal),
+        ColumnSpec::new("gain", "gain", Unit::plain(unit(output)), 4, |(_, point): &Row| {
+            CellValue::Estimate(point.gain, point.gain_std)
         }),
-        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 2, |(_, point): &Row| {
-            Datum::Estimate(point.time_constant_s, point.time_constant_s_std)
+        ColumnSpec::new("time_constant_s", "tau", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            CellValue::Estimate(point.time_constant_s, point.time_constant_s_std)
         }),
-        Typed::new("pole_rad_s", "1/tau", Unit::RAD_S, 3, |(_, point): &Row| 1.0 / point.time_constant_s).in_detail(),
-        Typed::new("delay_s", "dead time", Unit::MILLISECONDS, 2, |(_, point): &Row| {
-            Datum::Estimate(point.delay_s, point.delay_s_std)
+        ColumnSpec::new("pole_rad_s", "1/tau", Unit::RAD_S, 3, |(_, point): &Row| 1.0 / point.time_constant_s)
+            .in_detail(),
+        ColumnSpec::new("delay_s", "dead time", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+            CellValue::Estimate(point.delay_s, point.delay_s_std)
         }),
-        Typed::new("time_constant_up_s", "tau upward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+        ColumnSpec::new("time_constant_up_s", "tau upward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
             point.time_constant_up_s
         }),
-        Typed::new("time_constant_down_s", "tau downward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
+        ColumnSpec::new("time_constant_down_s", "tau downward", Unit::MILLISECONDS, 2, |(_, point): &Row| {
             point.time_constant_down_s
         }),
-        Typed::new("fit_frequency_percent", "fit in frequency", Unit::PERCENT, 2, |(_, point): &Row| {
+        ColumnSpec::new("fit_frequency_percent", "fit in frequency", Unit::PERCENT, 2, |(_, point): &Row| {
             point.fit_frequency_percent
         }),
-        Typed::new("fit_square_percent", "fit on squares", Unit::PERCENT, 2, |(_, point): &Row| {
+        ColumnSpec::new("fit_square_percent", "fit on squares", Unit::PERCENT, 2, |(_, point): &Row| {
             point.fit_square_percent
         }),
-        Typed::new("fit_step_percent", "fit on steps", Unit::PERCENT, 2, |(_, point): &Row| point.fit_step_percent),
+        ColumnSpec::new("fit_step_percent", "fit on steps", Unit::PERCENT, 2, |(_, point): &Row| {
+            point.fit_step_percent
+        }),
     ];
     if let Some(found) = fitted {
-        columns.push(Typed::new("reduced_chi_square", "chi2 per dof", Unit::NONE, 2, |(index, _): &Row| {
+        columns.push(ColumnSpec::new("reduced_chi_square", "chi2 per dof", Unit::NONE, 2, |(index, _): &Row| {
             found.nominals.get(*index).and_then(|one| power_over_noise(one.fit.reduced_chi_square))
         }));
     }
@@ -115,25 +118,31 @@ fn levels(fit: &StaircaseFit) -> Table {
     let of_branch = |branch: &Option<Branch>| {
         branch
             .and_then(|branch| branch.time_constant_s)
-            .map_or(Datum::Unknown("-".into()), |tau| Datum::Estimate(tau.value, Some(tau.std)))
+            .map_or(CellValue::Unknown("-".into()), |tau| CellValue::Estimate(tau.value, Some(tau.std)))
     };
     let fit_of = |branch: &Option<Branch>| branch.and_then(|branch| branch.fit_percent);
     // In newtons a gain is a few, in revolutions per minute thousands.
     let decimals = if fit.output == Output::Rpm { 0 } else { 3 };
     let columns = [
-        Typed::new("level", "level", Unit::DUTY, 3, |level: &Level| level.command),
-        Typed::new("gain", "gain", Unit::plain(unit(fit.output)), decimals, |level: &Level| {
+        ColumnSpec::new("level", "level", Unit::DUTY, 3, |level: &Level| level.command),
+        ColumnSpec::new("gain", "gain", Unit::plain(unit(fit.output)), decimals, |level: &Level| {
             level.gain.map(|gain| gain.value)
         }),
-        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |level: &Level| {
+        ColumnSpec::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |level: &Level| {
             level.time_constant_s.map(|tau| tau.value)
         }),
-        Typed::new("lower_s", "from", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.0)),
-        Typed::new("upper_s", "to", Unit::MILLISECONDS, 1, move |level: &Level| interval(level).map(|ends| ends.1)),
-        Typed::new("time_constant_up_s", "tau up", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.up)),
-        Typed::new("fit_up_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.up)),
-        Typed::new("time_constant_down_s", "tau down", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.down)),
-        Typed::new("fit_down_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.down)),
+        ColumnSpec::new("lower_s", "from", Unit::MILLISECONDS, 1, move |level: &Level| {
+            interval(level).map(|ends| ends.0)
+        }),
+        ColumnSpec::new("upper_s", "to", Unit::MILLISECONDS, 1, move |level: &Level| {
+            interval(level).map(|ends| ends.1)
+        }),
+        ColumnSpec::new("time_constant_up_s", "tau up", Unit::MILLISECONDS, 1, |level: &Level| of_branch(&level.up)),
+        ColumnSpec::new("fit_up_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.up)),
+        ColumnSpec::new("time_constant_down_s", "tau down", Unit::MILLISECONDS, 1, |level: &Level| {
+            of_branch(&level.down)
+        }),
+        ColumnSpec::new("fit_down_percent", "fit", Unit::PERCENT, 1, |level: &Level| fit_of(&level.down)),
     ];
     let known = fit.steps.iter().filter(|step| step.time_constant_s().is_some()).count();
     let caption = format!(
@@ -149,21 +158,25 @@ fn levels(fit: &StaircaseFit) -> Table {
 pub(super) fn steps(fit: &StaircaseFit) -> Table {
     let interval = |step: &Step| step.time_constant_s().map(|tau| tau.interval_of_logarithm(0.95));
     let columns = [
-        Typed::new("time_s", "time", SECONDS, 2, |step: &Step| step.at_s),
-        Typed::new("from", "from", Unit::DUTY, 3, |step: &Step| step.from),
-        Typed::new("to", "to", Unit::DUTY, 3, |step: &Step| step.to),
-        Typed::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |step: &Step| {
+        ColumnSpec::new("time_s", "time", SECONDS, 2, |step: &Step| step.at_s),
+        ColumnSpec::new("from", "from", Unit::DUTY, 3, |step: &Step| step.from),
+        ColumnSpec::new("to", "to", Unit::DUTY, 3, |step: &Step| step.to),
+        ColumnSpec::new("time_constant_s", "tau", Unit::MILLISECONDS, 1, |step: &Step| {
             step.time_constant_s().map(|tau| tau.value)
         }),
-        Typed::new("lower_s", "lower", Unit::MILLISECONDS, 1, move |step: &Step| interval(step).map(|ends| ends.0)),
-        Typed::new("upper_s", "upper", Unit::MILLISECONDS, 1, move |step: &Step| interval(step).map(|ends| ends.1)),
-        Typed::new("delay_s", "delay", Unit::MILLISECONDS, 1, |step: &Step| {
+        ColumnSpec::new("lower_s", "lower", Unit::MILLISECONDS, 1, move |step: &Step| {
+            interval(step).map(|ends| ends.0)
+        }),
+        ColumnSpec::new("upper_s", "upper", Unit::MILLISECONDS, 1, move |step: &Step| {
+            interval(step).map(|ends| ends.1)
+        }),
+        ColumnSpec::new("delay_s", "delay", Unit::MILLISECONDS, 1, |step: &Step| {
             step.time_constant_s().and(step.lag).map(|lag| lag.delay_s)
         }),
-        Typed::words("left_out", "left out because", |step: &Step| {
+        ColumnSpec::words("left_out", "left out because", |step: &Step| {
             step.fault.map(|fault| fault.to_string()).unwrap_or_default()
         }),
     ];
     let caption = "Every step, with 95 % intervals that hold what single steps differ by";
-    Table { weight: Weight::Detail, ..build_table("each_step", caption, &columns, &fit.steps) }
+    Table { weight: Audience::Detail, ..build_table("each_step", caption, &columns, &fit.steps) }
 }

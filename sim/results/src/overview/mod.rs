@@ -100,7 +100,7 @@ impl Overview {
         });
         let found = diagnosed.as_ref().and_then(|found| found.as_ref().ok());
         (watch.stage)("identifying");
-        let identified = IdentifyResult::beside(experiment, &IdentifyOptions::default(), found);
+        let identified = IdentifyResult::given_diagnosis(experiment, &IdentifyOptions::default(), found);
         let model = match (asked.model, &identified) {
             (Some(model), _) => model.clone(),
             (None, Ok(found)) => found.identification.model.clone(),

@@ -277,7 +277,9 @@ fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
         });
         let right = nalgebra::DVector::from_column_slice(values);
         // Columns of order 1: a singular value of 1e-12 is rounding, as where all stamps are the same.
-        let Some(solution) = rotorlead_numerics::linear::solve(columns.clone(), &right, 1e-12) else { continue };
+        let Some(solution) = rotorlead_numerics::linear::linear_least_squares(columns.clone(), &right, 1e-12) else {
+            continue;
+        };
         squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
     }
     // The median: where the command jumps no parabola fits. Of a chi-square of 6 it is 0.891 of the mean.

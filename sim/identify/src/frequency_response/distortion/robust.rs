@@ -17,8 +17,8 @@ use super::decibels;
 use crate::frequency_response::{FrequencyResponse, ResponseLine};
 use crate::spectra::{SpectralLine, Spectrum, noise};
 
-/// Lines to either side that the variance over realizations is averaged over: as many as periods' variances by default
-/// ([`crate::spectra::SpectrumOptions::pool_half_width`]).
+/// Lines to either side that the variance over realizations is averaged over. Chosen: as many as periods' variances by default
+/// ([`crate::spectra::SpectrumOptions::pool_half_width`]), so that both follow a density alike.
 const POOL_HALF_WIDTH: usize = 5;
 
 /// Commands whose lines differ by less than this, relative, are the same realization. Chosen: random phases make them differ by

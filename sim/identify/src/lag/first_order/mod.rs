@@ -10,7 +10,7 @@
 //! in front of the actuator. Noise at the lines of a periodic record is circular complex normal and
 //! independent, so the likelihood is largest where `sum |G_k - G_k(theta)|^2 / s_k^2` is smallest
 //! (Pintelon & Schoukens, 2012, section 9.11), and the covariance is `inv(2 Re(J^H S^-1 J))`,
-//! enlarged since sample variances `s_k^2` stand in for the true ones (`identify::uncertainty`, as for rational transfer
+//! enlarged since sample variances `s_k^2` stand in for the true ones (`estimate::uncertainty`, as for rational transfer
 //! functions; those have no images, and so a search of their own).
 //!
 //! The dead time starts at zero. It is kept in the model when it is positive and the likelihood

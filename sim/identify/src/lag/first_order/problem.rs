@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 use num_complex::Complex64;
-use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
+use rotorlead_numerics::least_squares::{Residuals, Solution, StoppingCriteria, minimize};
 use rotorlead_plant::Lag;
 
 use super::FitLine;
@@ -10,7 +10,7 @@ use crate::error::IdentifyError;
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
 /// thousandth of its standard error. The iterations are chosen: they bound a search that does not settle, which is refused.
-const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-9 };
+const LIMITS: StoppingCriteria = StoppingCriteria { iterations: 100, decrease: 1e-9 };
 
 /// Real and imaginary parts of `(model - measured) / s` at each line, scaled to unit variance.
 ///

@@ -13,7 +13,7 @@ use crate::error::IdentifyError;
 /// Distance of two time constants of the grid, a factor. Chosen: the nearest is off by a factor of 1.26, `sqrt(1.6)`, at most, within the
 /// basin of the search; lines from 0.1 to 30 Hz take 22 of them.
 const TIME_CONSTANT_STEP: f64 = 1.6;
-/// Most dead times of the grid: it bounds the time of the start. Eight to a period of the highest line reach 1 s up to 125 Hz.
+/// Most dead times of the grid. Chosen: it bounds the time of the start; eight to a period of the highest line reach 1 s up to 125 Hz.
 const MOST_DELAYS: usize = 1000;
 
 /// A line as the grid sees it.
@@ -31,7 +31,7 @@ struct Seen {
 pub(super) fn start(lines: &[FitLine], max_delay_s: f64) -> Result<Lag, IdentifyError> {
     let top = lines.iter().map(|line| line.omega_rad_s).fold(0.0, f64::max);
     let lowest = lines.iter().map(|line| line.omega_rad_s).fold(top, f64::min);
-    // An eighth of the highest line's period: the cost has one minimum per half period.
+    // Chosen: an eighth of the highest line's period, as the cost has one minimum per half period.
     let delay_step_s = std::f64::consts::TAU / top / 8.0;
     let delays = ((max_delay_s / delay_step_s).ceil() as usize).min(MOST_DELAYS);
     let mut seen: Vec<Seen> = lines
@@ -47,8 +47,8 @@ pub(super) fn start(lines: &[FitLine], max_delay_s: f64) -> Result<Lag, Identify
         })
         .filter(|seen| seen.response.is_finite())
         .collect();
-    // Poles from ten times above the highest line, where the lines show a flat response, to ten times below the lowest, where they show
-    // only the ratio of gain and time constant.
+    // Chosen: poles from ten times above the highest line, where the lines show a flat response, to ten times below the lowest, where they
+    // show only the ratio of gain and time constant.
     let time_constants: Vec<f64> = std::iter::successors(Some(0.1 / top), |tau| Some(tau * TIME_CONSTANT_STEP))
         .take_while(|tau| tau * lowest < 10.0)
         .collect();

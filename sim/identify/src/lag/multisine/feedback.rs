@@ -20,7 +20,7 @@
 //! Statistical Association* 71, 1976): `n sum r_l^2` is chi-square with `M` degrees of freedom. Only lags at which the command comes
 //! after the noise count: a model that is too simple, or noise on the record of the command, shows at the others.
 
-use rotorlead_numerics::autoregression::{autoregression, whiten};
+use rotorlead_numerics::autoregression::{fit_autoregression, whiten};
 use rotorlead_numerics::statistics::f_upper_tail;
 use rotorlead_plant::Lag;
 
@@ -60,7 +60,7 @@ impl FeedbackTest {
         let whole = 0..du.len();
         let run = std::slice::from_ref(&whole);
         for series in [&mut du, &mut v] {
-            let color = autoregression(series, run);
+            let color = fit_autoregression(series, run);
             whiten(series, run, &color);
         }
         let scale = du.iter().map(|d| d * d).sum::<f64>() * v.iter().map(|v| v * v).sum::<f64>();

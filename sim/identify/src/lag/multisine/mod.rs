@@ -5,10 +5,10 @@
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
 mod feedback;
-mod found;
 mod measured_bandwidth;
+mod multisine_record;
+mod nominal;
 pub(crate) mod plausibility;
-mod transformed;
 mod warning;
 
 use std::f64::consts::TAU;
@@ -28,9 +28,9 @@ use crate::rows::columns;
 use crate::simulation::{align, run_actuator};
 use crate::spectra::{NoiseSource, Spectrum, SpectrumOptions};
 use crate::stand::StandModel;
-pub use found::{NominalIdentification, PeriodicIdentification, RecordResponse, SquareValidation};
 pub use measured_bandwidth::MeasuredBandwidth;
-use transformed::{Transformed, behind_holds, suspicions};
+use multisine_record::{MultisineRecord, behind_holds, suspicions};
+pub use nominal::{NominalIdentification, PeriodicIdentification, RecordResponse, SquareValidation};
 pub use warning::IdentifyWarning;
 
 /// Below this tail probability the residual shows that a first-order lag is too simple. Chosen: one sound fit in a thousand is warned of.
@@ -157,12 +157,13 @@ fn identify_nominal(
         .map(|(record, spectrum)| behind_holds(experiment, record, spectrum, options, &mut warnings))
         .collect::<Result<Vec<_>, _>>()?;
 
-    let may_fit = |t: &Transformed<'_>, compensated: bool| {
+    let may_fit = |t: &MultisineRecord<'_>, compensated: bool| {
         t.record.role != Some(Role::Validate) && t.record.compensated == compensated && t.filter.is_some()
     };
     let fit_compensated = !transformed.iter().any(|t| may_fit(t, false));
-    let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
-    let lines: Vec<FitLine> = transformed.iter().filter(|t| is_fitted(t)).flat_map(Transformed::fit_lines).collect();
+    let is_fitted = |t: &MultisineRecord<'_>| may_fit(t, fit_compensated);
+    let lines: Vec<FitLine> =
+        transformed.iter().filter(|t| is_fitted(t)).flat_map(MultisineRecord::fit_lines).collect();
     if lines.is_empty() {
         return Ok(NominalOutcome::NothingToFit);
     }
@@ -187,7 +188,7 @@ fn identify_nominal(
     }
     warnings.extend(plausibility::check_fit(nominal, &fit, options.fit.max_delay_s));
     // Noise that is taken from unexcited lines has even-order distortion in it, which is much to a good fit.
-    let between = |t: &Transformed<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
+    let between = |t: &MultisineRecord<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
     if transformed.iter().filter(|t| is_fitted(t)).all(between) {
         warnings.extend(plausibility::noise_too_large(nominal, &fit, &lines));
     }
@@ -195,7 +196,7 @@ fn identify_nominal(
     let validation: Vec<FitLine> = transformed
         .iter()
         .filter(|t| t.record.role == Some(Role::Validate) && !t.record.compensated)
-        .flat_map(Transformed::fit_lines)
+        .flat_map(MultisineRecord::fit_lines)
         .collect();
     let judged = if validation.is_empty() { &lines } else { &validation };
     let measured: Vec<_> = judged.iter().map(|line| line.response).collect();
@@ -230,7 +231,7 @@ fn identify_nominal(
 }
 
 fn respond(
-    transformed: &Transformed<'_>,
+    transformed: &MultisineRecord<'_>,
     fit: &FirstOrderFit,
     used_in_fit: bool,
     half_width: usize,

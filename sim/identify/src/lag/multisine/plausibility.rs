@@ -169,13 +169,13 @@ pub(crate) fn with_longer_delay(
 /// Whether the fit leaves less than noise as large as what differs between the periods would.
 pub(super) fn noise_too_large(nominal: f64, fit: &FirstOrderFit, lines: &[FitLine]) -> Option<IdentifyWarning> {
     let reduced_chi_square = fit.reduced_chi_square;
-    (too_little_left(fit, lines) < MODEL_LEVEL)
+    (small_residual_p_value(fit, lines) < MODEL_LEVEL)
         .then_some(IdentifyWarning::NoiseTooLarge { nominal, reduced_chi_square })
 }
 
 /// How likely such noise leaves as little as the fit does. The counterpart of [`FirstOrderFit::model_p_value`]; one where
 /// there is no noise to speak of.
-fn too_little_left(fit: &FirstOrderFit, lines: &[FitLine]) -> f64 {
+fn small_residual_p_value(fit: &FirstOrderFit, lines: &[FitLine]) -> f64 {
     let largest = lines.iter().map(|line| line.response.norm()).fold(0.0, f64::max);
     if lines.iter().all(|line| line.variance.sqrt() < ROUNDING * largest) {
         return 1.0;

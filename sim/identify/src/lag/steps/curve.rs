@@ -72,12 +72,12 @@ const CONTRADICTION_LEVEL: f64 = 0.01;
 /// Steps from which on their own scatter is estimated. Chosen: 4 degrees of freedom know a standard deviation to 35 %, `1 / sqrt(8)`; fewer
 /// would often find none by chance.
 const FEWEST_FOR_SCATTER: usize = 5;
-/// By how much time constants of single steps differ beyond their own errors, as a standard deviation of the logarithm.
-/// Tuned: the most that was seen on five logs of thrust stands. Fewer steps differ by at least this.
+/// By how much time constants of single steps differ beyond their own errors, as a standard deviation of the logarithm; fewer steps differ
+/// by at least this. Tuned on five logs of thrust stands: the most that was seen.
 const USUAL_SCATTER: f64 = 0.15;
 /// The largest deviation of steps that is searched, of the logarithm. Chosen: a factor of 20, `e^3`, which no staircase has.
 const MOST_BETWEEN_STD: f64 = 3.0;
-/// Halvings of the interval in which the variance between steps is searched: to `3^2 / 2^24`, 5e-7, or 0.0007 of the logarithm.
+/// Halvings of the interval in which the variance between steps is searched. Derived: to `3^2 / 2^24`, 5e-7, or 0.0007 of the logarithm.
 const BISECTIONS: usize = 24;
 
 impl TimeConstantCurve {

@@ -37,7 +37,7 @@ use super::step::{Step, StepFault, StepLag};
 use super::uncertainty::{correlated, correlation};
 use super::{Run, StepsError};
 use crate::estimate::Estimate;
-use crate::goodness_of_fit::{percent_when_left, spread};
+use crate::goodness_of_fit::{percent_with_residual, spread};
 use crate::rows::gaps::rows_after_gaps;
 
 /// Most steps that are fitted at once. Chosen: the solve takes time with the cube of the steps, and 24 know their common delay five times,
@@ -51,10 +51,11 @@ const WINDOW: f64 = 8.0;
 /// Onsets in the first pass, in which they are nearly free, seconds. Chosen: a whole frame of a 50 Hz ESC, `sqrt(12)` times the standard
 /// deviation of an onset within it.
 const FREE_ONSET_STD_S: f64 = 0.02;
-/// The least and the most that drag makes of the curvature: none, and `0.5 * 1.4`, as `c R` is at most half the rate at the highest level,
-/// which is seldom more than 1.4 times the usual one.
+/// The least and the most that drag makes of the curvature. Derived: none, and `0.5 * 1.4`, as `c R` is at most half the rate at the
+/// highest level, which is seldom more than 1.4 times the usual one.
 const CURVATURES: (f64, f64) = (0.0, 0.7);
-/// Its Gaussian prior, mean and standard deviation: the middle of a motor's 0 to 0.5, and chosen twice that, which hardly holds it.
+/// Its Gaussian prior, mean and standard deviation. Derived: the mean is the middle of a motor's 0 to 0.5. Chosen: twice that, which hardly
+/// holds it; a narrower one decides where the steps do not.
 const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
 /// Standard deviation by which it is held to an end of its range. Chosen: far below the 0.1 that is reported, and far above what would
 /// cost the normal equations digits.
@@ -214,15 +215,15 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
 /// ever less. A sum of squares in units of the noise has about one per row, so a decrease by this share, a
 /// few thousandths, moves no parameter by a tenth of its standard error. The iterations are chosen: they bound that zigzag, and a search
 /// that needs more is refused.
-const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-6 };
+const LIMITS: StoppingCriteria = StoppingCriteria { iterations: 200, decrease: 1e-6 };
 
 /// Enough to tell which start is in the right basin. Chosen: only the best start is searched on to [`LIMITS`]; more
 /// iterations cost time, fewer may take a wrong basin.
-const FIRST_LOOK: Limits = Limits { iterations: 10, decrease: 1e-3 };
+const FIRST_LOOK: StoppingCriteria = StoppingCriteria { iterations: 10, decrease: 1e-3 };
 
 /// When a search stops.
 #[derive(Clone, Copy)]
-struct Limits {
+struct StoppingCriteria {
     iterations: usize,
     decrease: f64,
 }
@@ -235,7 +236,7 @@ struct Fitted {
 }
 
 impl Fitted {
-    fn from(problem: &StepProblem<'_>, start: Vec<f64>, limits: Limits) -> Option<Self> {
+    fn from(problem: &StepProblem<'_>, start: Vec<f64>, limits: StoppingCriteria) -> Option<Self> {
         let strategy = Strategy {
             iterations: limits.iterations,
             decrease: Decrease::Relative(limits.decrease),
@@ -259,7 +260,7 @@ impl Fitted {
 fn first_pass(problem: &StepProblem<'_>, rise_s: f64) -> Option<Fitted> {
     let mut best: Option<Fitted> = None;
     // The delay's basin is about a time constant wide, so start within and beyond it: from no delay to 0.8 of the rise. The time constant
-    // is the rest of the rise; 0.9 keeps it above zero.
+    // is the rest of the rise. Chosen: 0.9 of the share keeps it above zero, 0.28 of the rise at the last.
     for share in [0.0, 0.4, 0.8] {
         let mut start = vec![share * rise_s, problem.curvature.0];
         let log_tau = ((1.0 - 0.9 * share) * rise_s).ln();
@@ -435,5 +436,5 @@ fn percent(window: &Window, problem: &StepProblem<'_>, step: usize, p: &[f64]) -
     let kept = |row: &usize| window.weight[*row] > 0.0;
     let y: Vec<f64> = (0..window.y.len()).filter(kept).map(|row| window.y[row]).collect();
     let left = (0..window.y.len()).filter(kept).map(|row| (window.y[row] - response[row]).powi(2)).sum();
-    percent_when_left(left, spread(&y))
+    percent_with_residual(left, spread(&y))
 }

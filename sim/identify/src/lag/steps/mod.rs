@@ -2,10 +2,10 @@
 //!
 //! [`fit_staircase`] takes a record through these stages, one file each:
 //!
-//! 1. readings that no rotor can have made are set aside (`spikes`);
+//! 1. readings that no rotor can have made are set aside (`rows::spikes`);
 //! 2. plateaus are found, and of them the runs on which the motor runs steadily; start-up, idling and
 //!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
-//!    marked (`limits`);
+//!    marked (`clipped_plateaus`);
 //! 3. steps that carry no lag are left out, each with its reason (`step`);
 //! 4. a lag is fitted to each of the others, with a common delay (`problem` and `fit`), in closed form (`response`), with
 //!    standard errors that know the noise's color and that of the time stamps (`uncertainty`);
@@ -53,7 +53,7 @@ pub use warning::{LeftOut, StepsWarning};
 use rotorlead_records::{Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
-use crate::goodness_of_fit::{fit_percent, percent_when_left, spread};
+use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
 use curve::StepTimeConstant;
 use fit::{LagFit, StepRows};
 pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
@@ -170,13 +170,13 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let own_levels = simulate(&own);
     let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
     let shown: Vec<bool> = runs.iter().flat_map(Run::rows_that_show).collect();
-    let nothing = step::rows_that_say_nothing(&spike, &runs, &steps);
+    let nothing = step::rows_without_lag(&spike, &runs, &steps);
     let clean = |k: usize| shown[k] && !nothing[rows[k]];
     let ceiling = || {
         let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));
         let left = noise.enumerate().filter(|&(k, _)| clean(k)).map(|(_, variance)| variance).sum();
         let kept: Vec<f64> = (0..rows.len()).filter(|&k| clean(k)).map(|k| y[rows[k]]).collect();
-        percent_when_left(left, spread(&kept))
+        percent_with_residual(left, spread(&kept))
     };
     let percent = |of: &[f64], simulated: &[f64], kept: &dyn Fn(usize) -> bool| {
         let pairs = (0..rows.len()).filter(|&k| kept(k)).map(|k| (of[rows[k]], simulated[k]));

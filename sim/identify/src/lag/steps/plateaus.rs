@@ -8,7 +8,7 @@ use rotorlead_records::Output;
 /// Shortest time in seconds that counts as a plateau. Chosen: five time constants of a quick motor, 50 ms; a shorter one has not settled,
 /// and a longer limit leaves out quick staircases.
 pub(super) const MIN_PLATEAU_S: f64 = 0.25;
-/// Fewest rows that count as a plateau: the least with which each of the [`BATCHES`] of the settled half has two rows.
+/// Fewest rows that count as a plateau. Derived: the least with which each of the [`BATCHES`] of the settled half has two rows.
 pub(super) const MIN_PLATEAU_ROWS: usize = 20;
 /// Commands closer than this are the same level. Chosen: above rounding, and far below the step of a command, 5e-4 of DSHOT.
 pub const SAME_LEVEL: f64 = 1e-6;
@@ -24,8 +24,8 @@ const RUNNING_SPEED_SHARE: f64 = 0.05;
 /// A response that follows the command below zero changes there by this share of its largest value... Chosen: more than the zero of a
 /// sensor drifts by, less than a step of a staircase.
 const FOLLOWS_SHARE: f64 = 0.05;
-/// ...and by this many standard errors. By Student's t with the 8 degrees of freedom of twice five batches, noise alone exceeds 6 once
-/// in 6000 times.
+/// ...and by this many standard errors. Derived: by Student's t with the 8 degrees of freedom of twice five batches, noise alone exceeds 6
+/// once in 6000 times.
 const FOLLOWS_TIMES_STD: f64 = 6.0;
 /// Batches whose means tell how well a plateau's mean is known. Chosen: their 4 degrees of freedom know a standard error to 35 %,
 /// `1 / sqrt(8)`; more batches are shorter and miss slow drift.

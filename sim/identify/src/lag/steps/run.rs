@@ -94,9 +94,9 @@ impl Run {
 
     /// Whether each row of the record says nothing of a lag: spikes, and what follows a step that a gap of the log hides, until
     /// it has settled. `time_s` are the stamps of the record.
-    pub fn rows_that_say_nothing(&self, time_s: &[f64]) -> Vec<bool> {
+    pub fn rows_without_lag(&self, time_s: &[f64]) -> Vec<bool> {
         let run = std::slice::from_ref(self);
-        step::rows_that_say_nothing(&self.spike, run, &step::find_steps(time_s, run))
+        step::rows_without_lag(&self.spike, run, &step::find_steps(time_s, run))
     }
 
     /// Its rows in the record.

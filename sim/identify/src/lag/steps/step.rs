@@ -16,8 +16,8 @@ use crate::rows::gaps::rows_after_gaps;
 /// Rows of a window that are before its step. Chosen: their mean is known to 0.18, `1 / sqrt(30)`, of a row's noise; more reach back to
 /// where the response may not have settled.
 const ROWS_BEFORE: usize = 30;
-/// A step below so many standard errors of its two levels is not there: by Student's t with the 8 degrees of freedom of both levels'
-/// batches, noise alone exceeds 3 about once in 120 times.
+/// A step below so many standard errors of its two levels is not there. Derived: by Student's t with the 8 degrees of freedom of both
+/// levels' batches, noise alone exceeds 3 about once in 120 times.
 const LEAST_STD: f64 = 3.0;
 /// A step in which more than this share of the response's way is in one gap of the log shows no lag: a logger that stalls stamps late, and
 /// its next reading may be from any time of the gap. Chosen: a fifth of the way shifts the onset by 0.22 time constants, `-ln 0.8`.
@@ -252,7 +252,7 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
 
 /// Rows of a record that say nothing of a lag: spikes, and what follows a step that a gap of the log hides, until it has
 /// settled.
-pub(super) fn rows_that_say_nothing(spike: &[bool], runs: &[Run], steps: &[Step]) -> Vec<bool> {
+pub(super) fn rows_without_lag(spike: &[bool], runs: &[Run], steps: &[Step]) -> Vec<bool> {
     let mut nothing = spike.to_vec();
     for plateau in runs.iter().flat_map(|run| &run.plateaus) {
         let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().map(|k| &steps[k]);

@@ -10,13 +10,16 @@
 //! over tells `f` and `A`: `f` by search, `A` by least squares. All of it is then subtracted, from the
 //! lines that it falls on and from the many on which it leaks. A frequency that is a whole number of bins
 //! does not turn and is no business of this file.
+//!
+//! The diagnosis searches hum once more, in `diagnose::noise::hum`: there it is in the one residual of a model, which has no periods to
+//! compare, and here it is what turns between periods, before there is a model.
 
 use std::f64::consts::{PI, TAU};
 
 use num_complex::Complex64;
 
-/// Bins to either side of the strongest one that the sinusoid is fitted to: beyond is 2.4 % of its power at most, half a bin off the
-/// strongest, by the sum of `(sin(pi x) / (pi x))^2`.
+/// Bins to either side of the strongest one that the sinusoid is fitted to. Chosen: beyond is 2.4 % of its power at most, half a bin off
+/// the strongest, by the sum of `(sin(pi x) / (pi x))^2`; more bins have more noise than sinusoid.
 const REACH: usize = 8;
 /// What turns by less than this (share of its power that is not in the mean) is not distinguished from the response. Chosen: of two
 /// periods the share is `sin(pi f)^2`, so a fourteenth of a turn is enough; with less, the subtraction amplifies noise more than 20 times.
@@ -24,7 +27,7 @@ const LEAST_TURN: f64 = 0.05;
 /// It has to explain at least this share of the scatter around its bin, else it is none. Chosen: a lone sinusoid explains nearly all; noise
 /// of several bins and periods is no sinusoid for the most part.
 const LEAST_SHARE: f64 = 0.5;
-/// Bins to either side in which that is decided: they hold 92 % of its power or more, by the same sum.
+/// Bins to either side in which that is decided. Chosen: they hold 92 % of its power or more, by the same sum, and little else.
 const CORE: usize = 2;
 
 /// A sinusoid of constant frequency and amplitude.

@@ -7,7 +7,7 @@
 //! with `A` and `B` polynomials with constant term one, in continuous time, and the poles in the left half plane. The
 //! input is known, and the noise of the lines is circular complex normal and independent. The likelihood is then largest
 //! where `sum |G_k - G(j w_k)|^2 / sigma_k^2` is smallest (Pintelon & Schoukens, *System Identification*, 2nd ed., 2012,
-//! section 9.11), with sample variances in place of `sigma_k^2` (section 12.3 and `identify::uncertainty`).
+//! section 9.11), with sample variances in place of `sigma_k^2` (section 12.3 and `estimate::uncertainty`).
 //!
 //! The search starts from a consistent linear estimate (`start`) and moves sections of first and second order
 //! (`sections`), so that it holds at order twelve and over several decades.

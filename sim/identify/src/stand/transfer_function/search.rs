@@ -1,7 +1,7 @@
 //! The search for the largest likelihood.
 
 use num_complex::Complex64;
-use rotorlead_numerics::least_squares::{Limits, Solution, minimize};
+use rotorlead_numerics::least_squares::{Solution, StoppingCriteria, minimize};
 
 use super::ParametricError;
 use super::data::WeightedLines;
@@ -12,7 +12,7 @@ use super::structure::Structure;
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
 /// thousandth of its standard error. Chosen: a search that needs more than 200 steps is taken not to converge.
-const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-9 };
+const LIMITS: StoppingCriteria = StoppingCriteria { iterations: 200, decrease: 1e-9 };
 
 /// Roots start within this factor of the lowest and the highest line. Chosen: at its end a root changes a line by a thousandth, which the
 /// search can still follow.

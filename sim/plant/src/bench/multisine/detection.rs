@@ -29,7 +29,8 @@ pub struct DetectionRecipe {
 }
 
 impl DetectionRecipe {
-    /// What is skipped where nothing else is asked for: one odd line in four.
+    /// What is skipped where nothing else is asked for: one odd line in four. Chosen: it leaves three quarters of the lines to the
+    /// response; fewer skipped ones show odd distortion at fewer frequencies.
     pub const GROUP: u32 = 4;
 }
 

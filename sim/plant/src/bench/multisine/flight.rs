@@ -73,7 +73,7 @@ impl Phases {
             // The generator's phase stands for half a unit more. The cast wraps a full turn to 0.
             .map(|phase| (phase / TAU * 4_294_967_296.0).floor() as u64 as u32)
             .collect();
-        // What rounding can move the sum by: two units of each line, 3e-9.
+        // Derived: rounding moves the sum by two units of each line at most, `2 * 2 pi / 2^32`, 3e-9.
         let margin = phases.len() as f64 * 3e-9;
         let peak = multisine.peak() / amplitude + margin;
         Lines::odd(PERIOD_S, &phases, peak)?;

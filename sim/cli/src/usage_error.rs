@@ -7,14 +7,14 @@ use thiserror::Error;
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
 #[diagnostic(help("{help}"))]
-pub struct WrongUse {
+pub struct UsageError {
     /// What is wrong, with the options by name.
     pub message: String,
     /// What to do about it.
     pub help: String,
 }
 
-impl WrongUse {
+impl UsageError {
     /// Of any message and remedy.
     pub fn new(message: impl Into<String>, help: impl Into<String>) -> Self {
         Self { message: message.into(), help: help.into() }

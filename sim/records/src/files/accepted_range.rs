@@ -1,13 +1,13 @@
 //! What numbers may be: every key, column and option that holds one, the least and the greatest value, and why.
 //!
 //! A number outside its range is no measurement and no design, and the work that some ask for has no end. The table in
-//! `docs/ranges.md` is [`Quantity::table`].
+//! `docs/ranges.md` is [`AcceptedRange::table`].
 
-use super::{Fault, Place};
+use super::{Fault, KeyPath};
 
 /// What a number of a file or of an option says, under any of its names.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quantity {
+pub struct AcceptedRange {
     /// The keys and columns that hold it, and the options that stand for no key.
     pub keys: &'static [&'static str],
     /// The least value, which is accepted.
@@ -18,11 +18,11 @@ pub struct Quantity {
     pub reason: &'static str,
 }
 
-const fn quantity(keys: &'static [&'static str], least: f64, greatest: f64, reason: &'static str) -> Quantity {
-    Quantity { keys, least, greatest, reason }
+const fn quantity(keys: &'static [&'static str], least: f64, greatest: f64, reason: &'static str) -> AcceptedRange {
+    AcceptedRange { keys, least, greatest, reason }
 }
 
-impl Quantity {
+impl AcceptedRange {
     /// The times of a record's rows.
     pub const TIME_S: Self =
         quantity(&["time_s"], -1e12, 1e12, "seconds; stamps of an epoch in nanoseconds lose their digits");
@@ -266,7 +266,7 @@ const MOST_DIGITS: usize = 20;
 /// A part of the whole that someone writes and means.
 const FINEST_DUTY: f64 = 1e-6;
 
-impl Place {
+impl KeyPath {
     /// Accepts what its key may hold.
     ///
     /// # Errors
@@ -276,7 +276,7 @@ impl Place {
             let mut keys = self.keys_from_last();
             let (key, table) = (keys.next().unwrap_or_default(), keys.next().unwrap_or_default());
             // A key may mean another thing in another table.
-            Quantity::named(&format!("{table}.{key}")).unwrap_or_else(|| Quantity::for_key(key))
+            AcceptedRange::named(&format!("{table}.{key}")).unwrap_or_else(|| AcceptedRange::for_key(key))
         };
         quantity.accept_given(value).map_err(|(message, help)| self.fault(message, help))
     }
@@ -286,7 +286,7 @@ impl Place {
     /// # Errors
     /// A fault at this place for one that is too large, or is none.
     pub fn accept_any(self, value: f64) -> Result<(), Fault> {
-        Quantity::NUMBER.accept(value).map_err(|(message, help)| self.fault(message, help))
+        AcceptedRange::NUMBER.accept(value).map_err(|(message, help)| self.fault(message, help))
     }
 }
 
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn a_key_has_one_range() {
         let mut keys = BTreeSet::new();
-        for quantity in Quantity::ALL {
+        for quantity in AcceptedRange::ALL {
             assert!(quantity.least < quantity.greatest && !quantity.reason.is_empty(), "{quantity:?}");
             quantity.keys.iter().for_each(|key| assert!(keys.insert(*key), "{key} is there twice"));
         }
@@ -325,24 +325,24 @@ mod tests {
 
     #[test]
     fn a_command_that_is_next_to_nothing_is_a_slip() {
-        let accepted = |value: f64| Place::root().key("nominal").accept(value).is_ok();
+        let accepted = |value: f64| KeyPath::root().key("nominal").accept(value).is_ok();
         assert!(accepted(0.0) && accepted(1e-6) && !accepted(5e-324) && !accepted(9e-7));
     }
 
     #[test]
     fn a_result_may_be_on_the_wrong_side_of_zero_and_no_larger_than_a_file_has_it() {
-        assert_eq!(Quantity::accept_result("time_constant_s", -0.001), Ok(()));
-        assert_eq!(Quantity::accept_result("delay_s", -7000.0), Ok(()));
-        assert_eq!(Quantity::accept_result("range", 2.15), Ok(()));
+        assert_eq!(AcceptedRange::accept_result("time_constant_s", -0.001), Ok(()));
+        assert_eq!(AcceptedRange::accept_result("delay_s", -7000.0), Ok(()));
+        assert_eq!(AcceptedRange::accept_result("range", 2.15), Ok(()));
         for (key, value) in [("time_constant_s", 5_626_758.0), ("delay_s", -2e16), ("range", 1e300), ("a", f64::NAN)] {
-            assert!(Quantity::accept_result(key, value).is_err(), "{key} {value}");
+            assert!(AcceptedRange::accept_result(key, value).is_err(), "{key} {value}");
         }
     }
 
     #[test]
     fn a_number_is_accepted_up_to_the_ends_of_its_range() {
-        for quantity in Quantity::ALL {
-            let Quantity { least, greatest, .. } = *quantity;
+        for quantity in AcceptedRange::ALL {
+            let AcceptedRange { least, greatest, .. } = *quantity;
             assert_eq!(quantity.accept(least), Ok(()));
             assert_eq!(quantity.accept(greatest), Ok(()));
             for value in [least - 1e-3 * least.abs() - 1e-9, 1.001 * greatest, f64::NAN, f64::INFINITY, 1e300] {
@@ -355,13 +355,13 @@ mod tests {
 
     #[test]
     fn a_place_is_judged_by_its_key() {
-        let lags = Place::root().key("point").item(1).key("time_constant_s");
+        let lags = KeyPath::root().key("point").item(1).key("time_constant_s");
         assert_eq!(lags.clone().accept(0.1), Ok(()));
         assert_eq!(lags.clone().item(2).accept(0.1), Ok(()));
         let fault = lags.item(2).accept(9e18).unwrap_err();
         assert_eq!(fault.to_string(), "`point` 2, `time_constant_s` 3: 9e18 is not from 0.00001 to 100");
         // The same key in another table is another quantity.
-        let damping = |table: &str, value| Place::root().key(table).item(0).key("damping").accept(value).is_ok();
+        let damping = |table: &str, value| KeyPath::root().key(table).item(0).key("damping").accept(value).is_ok();
         assert!(damping("zero", -1.0) && !damping("pole", -1.0) && !damping("point", -1.0));
         assert!(!damping("zero", 2.0) && !damping("pole", 2.0) && damping("point", 2.0));
     }

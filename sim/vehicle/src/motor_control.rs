@@ -14,7 +14,7 @@ use crate::{TICK_HZ, VehicleError};
 /// What stands before the ESC.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum ActuatorKind {
+pub enum MotorControlKind {
     /// Nothing.
     None,
     /// The paper's compensator, with one zero.
@@ -31,7 +31,7 @@ pub enum ActuatorKind {
     },
 }
 
-impl ActuatorKind {
+impl MotorControlKind {
     /// Whether it measures the rotor.
     #[must_use]
     pub fn needs_a_sensor(self) -> bool {
@@ -52,9 +52,9 @@ impl ActuatorKind {
 
 /// An actuator as it is designed for a model.
 #[derive(Clone, Debug)]
-pub struct Actuator {
+pub struct MotorControl {
     /// Which one.
-    pub kind: ActuatorKind,
+    pub kind: MotorControlKind,
     design: Design,
     range: (f64, f64),
 }
@@ -70,24 +70,24 @@ enum Design {
 }
 
 /// An actuator, or why there is none: its kind, and the reason.
-pub type Designed = Result<Actuator, (ActuatorKind, String)>;
+pub type MotorControlResult = Result<MotorControl, (MotorControlKind, String)>;
 
 /// Every actuator that `airframe` compares, the bare one first. A compensator that cannot be designed from the model is refused
 /// alone, as an inverse whose time constants are not known well enough.
 ///
 /// # Errors
 /// When the speed loop is none.
-pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec<Designed>, VehicleError> {
+pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec<MotorControlResult>, VehicleError> {
     let options = &airframe.actuators;
     let range = (options.min, options.max);
-    let plain = |kind, design| Ok(Actuator { kind, design, range });
+    let plain = |kind, design| Ok(MotorControl { kind, design, range });
     let lead = match design(model, &DesignOptions { loop_rate_hz: TICK_HZ, ..DesignOptions::default() }) {
-        Ok(lead) => plain(ActuatorKind::Lead, Design::Compensator(Box::new(lead.into()))),
-        Err(error) => Err((ActuatorKind::Lead, error.to_string())),
+        Ok(lead) => plain(MotorControlKind::Lead, Design::Compensator(Box::new(lead.into()))),
+        Err(error) => Err((MotorControlKind::Lead, error.to_string())),
     };
-    let mut all = vec![plain(ActuatorKind::None, Design::None), lead];
+    let mut all = vec![plain(MotorControlKind::None, Design::None), lead];
     for &omega_f_rad_s in &options.inverse_rad_s {
-        let kind = ActuatorKind::Inverse { omega_f_rad_s };
+        let kind = MotorControlKind::Inverse { omega_f_rad_s };
         let options = InverseOptions {
             omega_f_rad_s: Some(omega_f_rad_s),
             loop_rate_hz: TICK_HZ,
@@ -106,24 +106,25 @@ pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec
     if pole_rad_s <= motor_rad_s {
         return Err(VehicleError::SlowSpeedLoop { loop_rad_s: pole_rad_s, motor_rad_s });
     }
+    // Chosen: a fourth of 2 per tick, from which on sampling makes the loop unstable; up to here it decays much as a lag does.
     if pole_rad_s > 0.5 * TICK_HZ {
         return Err(VehicleError::FastSpeedLoop { loop_rad_s: pole_rad_s });
     }
     let gain = pole_rad_s / motor_rad_s - 1.0;
-    all.push(plain(ActuatorKind::SpeedFeedback { pole_rad_s }, Design::SpeedFeedback { gain }));
+    all.push(plain(MotorControlKind::SpeedFeedback { pole_rad_s }, Design::SpeedFeedback { gain }));
     Ok(all)
 }
 
-impl Actuator {
+impl MotorControl {
     /// None, of an ESC that gets commands from the first to the second.
     #[must_use]
     pub fn bare(range: (f64, f64)) -> Self {
-        Self { kind: ActuatorKind::None, design: Design::None, range }
+        Self { kind: MotorControlKind::None, design: Design::None, range }
     }
 
     /// A compensator of that kind.
     #[must_use]
-    pub fn compensated(kind: ActuatorKind, compensator: CompensatorDesign, range: (f64, f64)) -> Self {
+    pub fn compensated(kind: MotorControlKind, compensator: CompensatorDesign, range: (f64, f64)) -> Self {
         Self { kind, design: Design::Compensator(Box::new(compensator)), range }
     }
 
@@ -146,7 +147,7 @@ impl Actuator {
 
     /// The actuator in operation, at rest at `level`.
     #[must_use]
-    pub fn started(&self, level: f64) -> Running {
+    pub fn started(&self, level: f64) -> MotorControlState {
         let command = Command::saturating_from_f64;
         let path = match &self.design {
             Design::None => Path::None,
@@ -158,13 +159,13 @@ impl Actuator {
             }
             Design::SpeedFeedback { gain } => Path::SpeedFeedback(*gain),
         };
-        Running { path, range: self.range }
+        MotorControlState { path, range: self.range }
     }
 }
 
 /// An actuator in operation, on one motor.
 #[derive(Debug)]
-pub struct Running {
+pub struct MotorControlState {
     path: Path,
     range: (f64, f64),
 }
@@ -176,7 +177,7 @@ enum Path {
     SpeedFeedback(f64),
 }
 
-impl Running {
+impl MotorControlState {
     /// One tick of 5 kHz: takes the flight controller's command and the rotor's state, returns the ESC's command. The state is used
     /// by the speed loop alone.
     #[must_use]
@@ -196,7 +197,7 @@ mod tests {
 
     use super::*;
 
-    fn all() -> (Rotor, Vec<Actuator>) {
+    fn all() -> (Rotor, Vec<MotorControl>) {
         let rotor = Rotor::new(&table_1()).unwrap();
         let all = designed(&Airframe::default(), &table_1(), &rotor).unwrap();
         (rotor, all.into_iter().map(Result::unwrap).collect())
@@ -231,7 +232,7 @@ mod tests {
     #[test]
     fn with_the_inverse_the_rotor_is_the_reference_model_everywhere() {
         let (rotor, all) = all();
-        let inverse = all.iter().find(|one| one.kind == ActuatorKind::Inverse { omega_f_rad_s: 150.0 }).unwrap();
+        let inverse = all.iter().find(|one| one.kind == MotorControlKind::Inverse { omega_f_rad_s: 150.0 }).unwrap();
         for nominal in [0.40, 0.50, 0.65] {
             let lag = Complex64::new(1.0, 150.0 / rotor.pole_rad_s(nominal));
             // 1 / (2 zeta) at the natural frequency.

@@ -15,7 +15,7 @@ use crate::rows::clipping::ClippingLimit;
 use crate::spectra::{NoiseSource, Spectrum};
 
 /// A multisine record on its way to a [`super::RecordResponse`].
-pub(super) struct Transformed<'a> {
+pub(super) struct MultisineRecord<'a> {
     pub(super) record: &'a Record,
     pub(super) spectrum: Spectrum,
     /// The lines behind the holds.
@@ -24,7 +24,7 @@ pub(super) struct Transformed<'a> {
     pub(super) filter: Option<Vec<Complex64>>,
 }
 
-impl Transformed<'_> {
+impl MultisineRecord<'_> {
     /// The lines behind holds and compensator; none when the compensator is unknown.
     pub(super) fn fit_lines(&self) -> impl Iterator<Item = FitLine> {
         let filter = self.filter.as_deref().unwrap_or_default();
@@ -39,7 +39,7 @@ pub(super) fn behind_holds<'a>(
     spectrum: Spectrum,
     options: &PeriodicOptions<'_>,
     warnings: &mut Vec<IdentifyWarning>,
-) -> Result<Transformed<'a>, IdentifyError> {
+) -> Result<MultisineRecord<'a>, IdentifyError> {
     let holds = hold_chain(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
     if let Some(shorter) = repeats(&spectrum) {
@@ -103,7 +103,7 @@ pub(super) fn behind_holds<'a>(
         None => line,
     };
     let lines = spectrum.lines.iter().map(|line| on_stand(FitLine::new(line, &holds))).collect();
-    Ok(Transformed { record, spectrum, lines, filter })
+    Ok(MultisineRecord { record, spectrum, lines, filter })
 }
 
 /// How often the command repeats within what is stated as its period; `None` for once.
@@ -124,11 +124,11 @@ fn greatest_common_divisor(a: u32, b: u32) -> u32 {
 
 /// What makes a record unfit for a linear, open-loop model, and shows in its rows.
 pub(super) fn suspicions(
-    transformed: &Transformed<'_>,
+    transformed: &MultisineRecord<'_>,
     experiment: &Experiment,
     fit: &FirstOrderFit,
 ) -> Vec<IdentifyWarning> {
-    let Transformed { record, spectrum, .. } = transformed;
+    let MultisineRecord { record, spectrum, .. } = transformed;
     let file = || record.file.clone();
     let response = record.response(experiment.output).unwrap_or_default();
     let esc_command = record.esc_command.as_deref().unwrap_or_default();
