@@ -7,12 +7,13 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensatorKind, Key, Levels, MotorSettings, Pulse, PulseProtocol, SettingId, Settings};
+use crate::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
 use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
 use crate::dshot::WINDOW_LEVELS;
 use crate::throttle::Command;
 
 /// Frame rates in hertz: from a slow servo output to the fastest that OneShot125 is run at.
-pub const FRAME_RANGE_HZ: (u16, u16) = (40, 4000);
+pub const FRAME_RANGE_HZ: (u16, u16) = (SLOWEST_FRAME_HZ as u16, FASTEST_FRAME_HZ as u16);
 /// Frame rates of DShot: up to one in each tick of the fastest loop.
 pub const DSHOT_FRAME_RANGE_HZ: (u16, u16) = (FRAME_RANGE_HZ.0, LOOP_RATE_RANGE_HZ.1 as u16);
 /// A line is high, and low, for at least this long in every frame, microseconds. It must outlast the capture's glitch

@@ -3,10 +3,7 @@
 use std::collections::BTreeSet;
 
 use rotorlead_records::files::TextFile;
-use rotorlead_records::{FleetList, FleetLog};
-
-/// What messages have to call the list.
-const FILE: &str = "fleet.csv";
+use rotorlead_records::{FLEET_LIST, FleetList, FleetLog};
 
 /// Any bytes as a list; those that are no UTF-8 are replaced.
 ///
@@ -14,7 +11,7 @@ const FILE: &str = "fleet.csv";
 /// When the reader does, or takes a list that lacks a log, a name, or lists a log twice, or refuses without saying why, where and
 /// what to do.
 pub fn fuzz_fleet(bytes: &[u8]) {
-    let text = TextFile::in_memory(FILE, String::from_utf8_lossy(bytes).into_owned());
+    let text = TextFile::in_memory(FLEET_LIST, String::from_utf8_lossy(bytes).into_owned());
     match FleetList::parse(&text) {
         Ok(list) => {
             assert!(!list.logs.is_empty(), "a list without a log");
@@ -27,7 +24,7 @@ pub fn fuzz_fleet(bytes: &[u8]) {
         }
         Err(error) => {
             let report = format!("{:?}", miette::Report::new(error));
-            assert!(report.contains(FILE) && report.contains("help: "), "{report}");
+            assert!(report.contains(FLEET_LIST) && report.contains("help: "), "{report}");
         }
     }
 }

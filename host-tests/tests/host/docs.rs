@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use rotorlead::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
 use rotorlead::dshot::LONGEST_TURN_US;
 use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, encode};
-use rotorlead::settings::{FRAME_RANGE_HZ, Key, Origin, Settings, Store};
+use rotorlead::settings::{Key, Origin, Settings, Store};
 use rotorlead_device::{entries, set};
 
 /// A file of the repository.
@@ -105,7 +104,6 @@ fn the_settings_are_accepted_in_the_ranges_that_are_written_and_not_beyond() {
         assert!(!accepts(low - beyond) && !accepts(high + beyond), "{name} is accepted beyond {}", row[1]);
     }
     assert_eq!(checked, 11, "ranges in numbers");
-    assert_eq!(FRAME_RANGE_HZ, (SLOWEST_FRAME_HZ as u16, FASTEST_FRAME_HZ as u16));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use rotorlead_answer::Report;
 use rotorlead_assess::fleet::{FleetMember, FleetParameter, LogFilePoint, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
-use rotorlead_records::{FleetList, FleetLog, Output};
+use rotorlead_records::{FLEET_LIST, FleetList, FleetLog, Output};
 use rotorlead_results::{FleetRow, fleet_answer};
 use serde::Deserialize;
 
@@ -19,8 +19,6 @@ use super::report_pages;
 pub(super) const MODEL: &str = "model.toml";
 /// What `rotorlead diagnose --json` wrote beside a log.
 pub(super) const DIAGNOSIS: &str = "diagnose.json";
-/// What lists a fleet's logs, in its folder.
-pub(super) const LIST: &str = "fleet.csv";
 
 /// Compares many logs: each motor with the others, each log with its motor's, and over months
 ///
@@ -49,10 +47,10 @@ impl Fleet {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check()?;
-        if self.fleet.exists() && !self.fleet.join(LIST).is_file() {
+        if self.fleet.exists() && !self.fleet.join(FLEET_LIST).is_file() {
             return Err(miette::miette!(
                 help = "rotorlead import LOG... --fleet --out DIR makes such a folder of logs; docs/fleet.md says what it holds",
-                "`{}` is no folder of a fleet: there is no {LIST} in it",
+                "`{}` is no folder of a fleet: there is no {FLEET_LIST} in it",
                 self.fleet.display()
             ));
         }

@@ -8,8 +8,9 @@ use rotorlead_records::FleetList;
 use rotorlead_records::files::TextFile;
 
 use super::UsageError;
-use super::fleet::{DIAGNOSIS, LIST, MODEL};
+use super::fleet::{DIAGNOSIS, MODEL};
 use super::replacement::{self, ReplacementRefused};
+use rotorlead_records::FLEET_LIST;
 
 /// Options that name what is written; every other path is read. A test holds every path of the command line to be known.
 const WRITTEN: [&str; 9] =
@@ -186,7 +187,7 @@ fn check_apart(earlier: &Named, output: &Named) -> Result<(), UsageError> {
 /// Refuses to fill a folder of measurements with files that may be called as they are.
 fn check_folder(output: &Named) -> Result<(), UsageError> {
     let fills = output.id == "figures" || ["demo", "man"].contains(&output.command) && output.id == "out";
-    match [DESCRIPTION, LIST].into_iter().find(|name| output.at.join(name).is_file()) {
+    match [DESCRIPTION, FLEET_LIST].into_iter().find(|name| output.at.join(name).is_file()) {
         Some(name) if fills => Err(UsageError::new(
             format!("{} is `{}`, in which `{name}` lies", output.option, output.path.display()),
             "name another folder: what is written might be called as a record that is there",

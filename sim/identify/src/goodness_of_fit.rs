@@ -11,6 +11,9 @@ use num_complex::Complex64;
 /// neither the digits of a log nor the sensor go so far.
 const LARGEST_KNOWN_RATIO: f64 = 1e12;
 
+/// Below this tail probability the residual shows that a model is too simple. Chosen: one sound fit, or stand, in a thousand is warned of.
+pub(crate) const MODEL_LEVEL: f64 = 1e-3;
+
 /// What can be compared: real records and complex frequency responses.
 pub trait Sample: Copy + Sub<Output = Self> + std::iter::Sum {
     /// `|x|^2`.

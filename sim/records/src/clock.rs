@@ -3,8 +3,8 @@
 use super::{Excitation, Record};
 use crate::files::shown;
 
-/// Rows that are usually further apart, in seconds, show no motor...
-const SLOWEST_ROWS_S: f64 = 0.5;
+/// Rows that are usually further apart, in seconds, show no motor: a lag is over in 0.02 to 0.2 s (`docs/ranges.md`)...
+pub const SLOWEST_ROWS_S: f64 = 0.5;
 /// ...and no logger writes them more densely: the row rate of `docs/ranges.md`, with room for rounded stamps.
 const FASTEST_ROWS_S: f64 = 0.9e-6;
 /// After so many seconds without a row nothing of what was before shows: the rows behind are another record.

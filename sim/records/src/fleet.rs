@@ -10,7 +10,7 @@ use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
 use crate::files::{FileError, OutputFolder, TextFile, did_you_mean};
 
 /// The file's name in the fleet's folder.
-const LIST: &str = "fleet.csv";
+pub const FLEET_LIST: &str = "fleet.csv";
 const COLUMNS: [&str; 3] = ["log", "motor", "date"];
 const EXAMPLE: &str = "log,motor,date\nm1_march,M1,2026-03-02\n";
 
@@ -54,7 +54,7 @@ impl FleetList {
     /// # Errors
     /// When the file is missing, lacks a column, or has a cell that is none of these; with its place in the file.
     pub fn read(fleet: &Path) -> Result<Self, FileError> {
-        Self::parse(&TextFile::read(&fleet.join(LIST))?)
+        Self::parse(&TextFile::read(&fleet.join(FLEET_LIST))?)
     }
 
     /// The same of a text.
@@ -97,7 +97,7 @@ impl FleetList {
         for row in std::iter::once(COLUMNS.map(str::to_owned)).chain(rows) {
             table.write_record(row).expect("memory takes all, and the rows are alike");
         }
-        folder.write(LIST, &table.into_inner().expect("memory takes all"))
+        folder.write(FLEET_LIST, &table.into_inner().expect("memory takes all"))
     }
 }
 
@@ -176,7 +176,7 @@ mod tests {
 
     fn read(text: &str) -> Result<FleetList, FileError> {
         let scratch = Scratch::new();
-        scratch.file(LIST, text);
+        scratch.file(FLEET_LIST, text);
         FleetList::read(scratch.path())
     }
 

@@ -25,10 +25,11 @@ mod write;
 #[cfg(test)]
 mod tests;
 
+pub use clock::SLOWEST_ROWS_S;
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL};
 pub use finding::{Finding, Severity, Topic};
-pub use fleet::{FleetList, FleetLog};
+pub use fleet::{FLEET_LIST, FleetList, FleetLog};
 pub use inspect::{Inspection, Unreadable};
 pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
 pub use read::{CommandFile, read_command_log};

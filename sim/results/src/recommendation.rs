@@ -85,22 +85,20 @@ pub fn recommendation_table(found: &Recommendation) -> Table {
         let chosen = purposes.filter(|(purpose, _)| found.choice(*purpose).actuator == one.actuator);
         chosen.map(|(_, name)| name).collect::<Vec<_>>().join(", ")
     };
-    const NONE: Unit = Unit::plain("");
-    const RAD_S: Unit = Unit::plain("rad/s");
     let columns = [
-        ColumnSpec::new("actuator", "actuator", NONE, 0, |one: &Candidate| one.actuator.name()),
-        ColumnSpec::new("bandwidth_rad_s", "bandwidth", RAD_S, 1, |one: &Candidate| one.bandwidth_rad_s),
-        ColumnSpec::new("minus_90_rad_s", "-90 deg", RAD_S, 1, |one: &Candidate| one.minus_90_rad_s),
+        ColumnSpec::new("actuator", "actuator", Unit::NONE, 0, |one: &Candidate| one.actuator.name()),
+        ColumnSpec::new("bandwidth_rad_s", "bandwidth", Unit::RAD_S, 1, |one: &Candidate| one.bandwidth_rad_s),
+        ColumnSpec::new("minus_90_rad_s", "-90 deg", Unit::RAD_S, 1, |one: &Candidate| one.minus_90_rad_s),
         ColumnSpec::new("rise_ms", "5 % step rises", Unit::plain("ms"), 0, rise),
-        ColumnSpec::new("rate_loop_bandwidth_over_none", "loop over none", NONE, 2, |one: &Candidate| {
+        ColumnSpec::new("rate_loop_bandwidth_over_none", "loop over none", Unit::NONE, 2, |one: &Candidate| {
             ratios(one).map(|ratios| ratios.bandwidth)
         }),
-        ColumnSpec::new("gust_over_none", "gust over none", NONE, 2, |one: &Candidate| {
+        ColumnSpec::new("gust_over_none", "gust over none", Unit::NONE, 2, |one: &Candidate| {
             ratios(one).map(|ratios| ratios.disturbance_peak)
         }),
-        ColumnSpec::new("noise_gain", "noise gain", NONE, 1, |one: &Candidate| one.noise_gain),
-        ColumnSpec::new("step_peak", "largest step", NONE, 1, |one: &Candidate| one.step_peak),
-        ColumnSpec::new("recommended_for", "for", NONE, 0, recommended_for),
+        ColumnSpec::new("noise_gain", "noise gain", Unit::NONE, 1, |one: &Candidate| one.noise_gain),
+        ColumnSpec::new("step_peak", "largest step", Unit::NONE, 1, |one: &Candidate| one.step_peak),
+        ColumnSpec::new("recommended_for", "for", Unit::NONE, 0, recommended_for),
     ];
     let caption = "What may stand before the ESC, at the slowest operating point: what it gains, and what it costs";
     let refused = found.refused.iter().map(|one| format!("there is no {}: {}", one.actuator.name(), one.reason));

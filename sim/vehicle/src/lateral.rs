@@ -17,7 +17,7 @@ const PERIODS: f64 = 4.0;
 /// s, after which `e^-12`, 6e-6, is left; a slower motor counts as not rising.
 const TRANSIENT_S: f64 = 2.0;
 /// From which part of the step to which the rise is counted. Standard: the reference levels of IEEE Std 181.
-const RISE: (f64, f64) = (0.1, 0.9);
+pub(crate) const RISE: (f64, f64) = (0.1, 0.9);
 
 /// What one actuator makes of lateral force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

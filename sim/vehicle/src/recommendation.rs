@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::airframe::{Actuators, Airframe, Hover};
 use crate::benefit::{Benefit, Ratios};
+use crate::lateral::RISE;
 use crate::motor_control::{MotorControl, MotorControlKind};
 use crate::response::PointResponse;
 use crate::roll::{RollAxis, peak_deg};
@@ -38,8 +39,6 @@ const COMMANDS: (f64, f64) = (0.0, 1.0);
 /// The step of the command whose rise is compared: of the size that a controller asks for all the time. Chosen: the amplitude of the
 /// paper's experiments; a larger one meets the limits sooner.
 const STEP: f64 = 0.05;
-/// From which part of the step to which the rise is counted. Standard: the reference levels of IEEE Std 181.
-const RISE: [f64; 2] = [0.1, 0.9];
 /// How long a step is simulated, in time constants of the motor. Chosen: beyond the 2.3, `ln 10`, in which the bare motor rises to 90 %;
 /// what is slower than it is not recommended.
 const STEP_TIME_CONSTANTS: f64 = 4.0;
@@ -327,7 +326,7 @@ impl MotorInVehicle<'_> {
                 let late_s = self.rotor.delay_s(nominal);
                 drawn.push(((tick + 1) as f64 / TICK_HZ + late_s, (v - nominal) / step));
             }
-            for (when, part) in reached.iter_mut().zip(RISE) {
+            for (when, part) in reached.iter_mut().zip([RISE.0, RISE.1]) {
                 if (v - nominal) / step >= part {
                     when.get_or_insert(tick);
                 }

@@ -3,8 +3,8 @@
 //! Their frequency is no whole number of periods of a record, so they leak onto its lines; and where it is, they repeat as the
 //! response does. Neither is noise that a smooth density describes, nor anything that a motor does.
 //!
-//! The search of `identify::spectra::noise::sinusoid` is another one: it looks at what turns between the periods of a record, and this
-//! one at a single residual, of a record that need not repeat.
+//! The search of `identify::spectra::noise::sinusoid` is another one: it looks at what turns between periods, before there is a model,
+//! and this one at one residual of a model, in which a hum that repeats with the periods shows too.
 
 use std::f64::consts::TAU;
 

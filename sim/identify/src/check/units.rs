@@ -2,13 +2,11 @@
 
 use rotorlead_numerics::sample::{extent, mean, median};
 use rotorlead_records::files::shown_to;
-use rotorlead_records::{Output, Record};
+use rotorlead_records::{Output, Record, SLOWEST_ROWS_S};
 
 use super::RecordFault;
 use crate::rows::gaps::usual_interval_s;
 
-/// Rows that are further apart, in seconds, show no motor. Chosen: a lag is over in 0.02 to 0.2 s; `docs/ranges.md` states the same limit.
-const SLOWEST_ROWS_S: f64 = 0.5;
 /// Rates that loggers have, hertz. Chosen: from slow telemetry to a fast bench. Two units overlap by a factor of 2.5; the first is taken.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
 /// Units of time that loggers write, and their parts in a second (SI prefixes).

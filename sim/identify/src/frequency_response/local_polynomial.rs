@@ -35,7 +35,7 @@ use crate::spectra;
 const COEFFICIENTS: usize = 3;
 
 /// The least that the smallest singular value may be of the largest, columns scaled alike. Chosen: below, the noise of `G` would be more
-/// than a thousand times that of a bin; a higher limit leaves out lines of a usable command.
+/// than a thousand times that of a bin; a higher limit leaves out more lines.
 const SMALLEST_SINGULAR: f64 = 1e-3;
 
 /// Windows in which the command is below this share of its largest coefficient hold rounding, not excitation. Chosen: the square root of

@@ -1,10 +1,7 @@
 //! Gaps: intervals between rows in which a log lost some.
 
 use rotorlead_numerics::sample::median;
-
-/// An interval longer than this many usual ones is a gap. Derived: two lost rows make three of them; one makes two, which a clock that
-/// jitters does too.
-pub(crate) const GAP_INTERVALS: f64 = 2.5;
+use rotorlead_records::import::GAP_INTERVALS;
 
 /// The median interval between rows, seconds; `None` for fewer than two rows, or where half of the times or more stand still.
 pub(crate) fn usual_interval_s(time_s: &[f64]) -> Option<f64> {

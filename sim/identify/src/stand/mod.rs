@@ -20,6 +20,7 @@ use rotorlead_records::Experiment;
 use crate::error::IdentifyError;
 use crate::estimate::Estimate;
 use crate::frequency_response::FrequencyResponse;
+use crate::goodness_of_fit::MODEL_LEVEL;
 use crate::goodness_of_fit::times_noise;
 use crate::rows::clipping;
 pub use error::StandError;
@@ -136,10 +137,6 @@ const FAR_ABOVE: f64 = 100.0;
 /// How sure it has to be that the static gain is not zero. Chosen: an unrelated response passes once in 100 000, and a gain of 4.4
 /// standard errors is accepted.
 const SURE: f64 = 1.0 - 1e-5;
-
-/// Below this tail probability the residual says that the transfer function is not the whole truth. Chosen: a true model is warned of once
-/// in 1000 stands, as a true lag is once in 1000 fits.
-const MODEL_LEVEL: f64 = 1e-3;
 
 impl StandIdentification {
     /// Poles that the lines say something of, by frequency, a pair as one.

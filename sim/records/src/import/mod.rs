@@ -39,7 +39,7 @@ pub use error::ImportError;
 pub use format::{FORMATS, LogFormat};
 pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
-pub use stamps::spread_bursts;
+pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
 use super::{Excitation, Experiment, Output, Record};

@@ -17,8 +17,9 @@ pub(super) struct EvenGrid {
     pub(super) residual_max_s: f64,
 }
 
-/// A stamp more than this many intervals after the one before is looked at as a possible loss.
-const GAP_INTERVALS: f64 = 2.5;
+/// An interval longer than this many usual ones is a gap. Derived: two lost rows make three of them; one makes two, which a clock that
+/// jitters does too.
+pub const GAP_INTERVALS: f64 = 2.5;
 
 /// Rows on each side of a gap whose least lateness decides whether rows were lost there. Long enough
 /// for a reader to work off what piled up while it waited.

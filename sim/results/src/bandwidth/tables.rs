@@ -6,11 +6,7 @@ use rotorlead_identify::frequency_response::bandwidth::Bandwidth;
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use serde::Serialize;
 
-const NONE: Unit = Unit::plain("");
-const DUTY: Unit = Unit::plain("duty");
-const RAD_S: Unit = Unit::plain("rad/s");
 const DEGREES: Unit = Unit::plain("deg");
-const PERCENT: Unit = Unit::plain("%");
 
 /// The bandwidths at one nominal command, with the phase of the whole chain there and the frequency at which it is -90 degrees.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -69,24 +65,26 @@ pub(super) fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Tab
     type Row<'a> = (&'a BandwidthPoint, &'a ChainPhase);
     let factor = |(point, _): &Row| Some(point.compensated.rad_s()? / point.uncompensated.rad_s()?);
     let columns = [
-        ColumnSpec::new("u_nom", "u_nom", DUTY, 3, |(point, _): &Row| point.nominal),
-        ColumnSpec::new("uncompensated_rad_s", "without compensator", RAD_S, 4, |(point, _): &Row| {
+        ColumnSpec::new("u_nom", "u_nom", Unit::DUTY, 3, |(point, _): &Row| point.nominal),
+        ColumnSpec::new("uncompensated_rad_s", "without compensator", Unit::RAD_S, 4, |(point, _): &Row| {
             datum(point.uncompensated)
         }),
         ColumnSpec::new("uncompensated_phase_deg", "phase there without", DEGREES, 1, |(_, phase): &Row| {
             phase.uncompensated.phase_deg
         }),
-        ColumnSpec::new("uncompensated_minus_90_rad_s", "-90 degrees without", RAD_S, 2, |(_, phase): &Row| {
+        ColumnSpec::new("uncompensated_minus_90_rad_s", "-90 degrees without", Unit::RAD_S, 2, |(_, phase): &Row| {
             datum(phase.uncompensated.minus_90)
         }),
-        ColumnSpec::new("compensated_rad_s", "with compensator", RAD_S, 4, |(point, _): &Row| datum(point.compensated)),
+        ColumnSpec::new("compensated_rad_s", "with compensator", Unit::RAD_S, 4, |(point, _): &Row| {
+            datum(point.compensated)
+        }),
         ColumnSpec::new("compensated_phase_deg", "phase there with", DEGREES, 1, |(_, phase): &Row| {
             phase.compensated.phase_deg
         }),
-        ColumnSpec::new("compensated_minus_90_rad_s", "-90 degrees with", RAD_S, 2, |(_, phase): &Row| {
+        ColumnSpec::new("compensated_minus_90_rad_s", "-90 degrees with", Unit::RAD_S, 2, |(_, phase): &Row| {
             datum(phase.compensated.minus_90)
         }),
-        ColumnSpec::new("factor", "factor", NONE, 2, factor).in_detail(),
+        ColumnSpec::new("factor", "factor", Unit::NONE, 2, factor).in_detail(),
     ];
     let caption = "Predicted bandwidth: the smallest frequency at which the response is 3 dB under its static value";
     build_table("predicted_bandwidth", caption, &columns, &points.iter().zip(phases).collect::<Vec<_>>())
@@ -96,14 +94,14 @@ pub(super) fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Tab
 pub(super) fn measured(measured: &[MeasuredBandwidth]) -> Table {
     type Row = MeasuredBandwidth;
     let columns = [
-        ColumnSpec::new("file", "record", NONE, 0, |one: &Row| one.file.clone()),
-        ColumnSpec::new("u_nom", "u_nom", DUTY, 3, |one: &Row| one.nominal),
-        ColumnSpec::new("compensator", "compensator", NONE, 0, |one: &Row| {
+        ColumnSpec::new("file", "record", Unit::NONE, 0, |one: &Row| one.file.clone()),
+        ColumnSpec::new("u_nom", "u_nom", Unit::DUTY, 3, |one: &Row| one.nominal),
+        ColumnSpec::new("compensator", "compensator", Unit::NONE, 0, |one: &Row| {
             (if one.compensated { "with" } else { "without" }).to_owned()
         }),
-        ColumnSpec::new("bandwidth_rad_s", "bandwidth", RAD_S, 2, |one: &Row| datum(one.bandwidth.bandwidth)),
-        ColumnSpec::new("lower_rad_s", "from", RAD_S, 2, |one: &Row| datum(one.bandwidth.lower)),
-        ColumnSpec::new("upper_rad_s", "to", RAD_S, 2, |one: &Row| datum(one.bandwidth.upper)),
+        ColumnSpec::new("bandwidth_rad_s", "bandwidth", Unit::RAD_S, 2, |one: &Row| datum(one.bandwidth.bandwidth)),
+        ColumnSpec::new("lower_rad_s", "from", Unit::RAD_S, 2, |one: &Row| datum(one.bandwidth.lower)),
+        ColumnSpec::new("upper_rad_s", "to", Unit::RAD_S, 2, |one: &Row| datum(one.bandwidth.upper)),
     ];
     let caption = "Measured bandwidth, and its 95 % interval. Where a compensated response runs almost level near -3 dB, 0.1 dB moves its \
                    bandwidth by a tenth.";
@@ -117,11 +115,13 @@ pub(super) fn steps(steps: &[StepPoint]) -> Table {
         ColumnSpec::new(key, heading, Unit::plain("ms"), 1, move |row: &Row| get(row).map(|seconds| 1e3 * seconds))
     };
     let percent = |key, heading: &str, get: fn(&Row) -> f64| {
-        ColumnSpec::new(key, heading, PERCENT, 1, move |row: &Row| 100.0 * get(row))
+        ColumnSpec::new(key, heading, Unit::PERCENT, 1, move |row: &Row| 100.0 * get(row))
     };
     let columns = [
-        ColumnSpec::new("u_nom", "u_nom", DUTY, 3, |row: &Row| row.nominal),
-        ColumnSpec::new("step", "step", DUTY, 3, |row: &Row| CellValue::Shown(row.step, format!("{:+.3}", row.step))),
+        ColumnSpec::new("u_nom", "u_nom", Unit::DUTY, 3, |row: &Row| row.nominal),
+        ColumnSpec::new("step", "step", Unit::DUTY, 3, |row: &Row| {
+            CellValue::Shown(row.step, format!("{:+.3}", row.step))
+        }),
         ms("uncompensated_rise_ms", "rise without", |row| row.uncompensated.rise_s),
         percent("uncompensated_overshoot_percent", "overshoot without", |row| row.uncompensated.overshoot),
         ms("uncompensated_settling_ms", "settling without", |row| row.uncompensated.settling_s),
@@ -149,15 +149,15 @@ pub struct DeviatingActuator {
 pub(super) fn robustness(found: &[DeviatingActuator]) -> Table {
     type Row = DeviatingActuator;
     let columns = [
-        ColumnSpec::new("compensator", "", NONE, 0, |row: &Row| row.compensator.to_owned()),
-        ColumnSpec::new("deviation", "actuator", NONE, 0, |row: &Row| row.deviation.to_owned()),
-        ColumnSpec::new("lowest_rad_s", "lowest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.lowest)),
-        ColumnSpec::new("highest_rad_s", "highest bandwidth", RAD_S, 1, |row: &Row| datum(row.found.highest)),
-        ColumnSpec::new("lowest_phase_rad_s", "lowest -90 degrees", RAD_S, 1, |row: &Row| {
+        ColumnSpec::new("compensator", "", Unit::NONE, 0, |row: &Row| row.compensator.to_owned()),
+        ColumnSpec::new("deviation", "actuator", Unit::NONE, 0, |row: &Row| row.deviation.to_owned()),
+        ColumnSpec::new("lowest_rad_s", "lowest bandwidth", Unit::RAD_S, 1, |row: &Row| datum(row.found.lowest)),
+        ColumnSpec::new("highest_rad_s", "highest bandwidth", Unit::RAD_S, 1, |row: &Row| datum(row.found.highest)),
+        ColumnSpec::new("lowest_phase_rad_s", "lowest -90 degrees", Unit::RAD_S, 1, |row: &Row| {
             datum(row.found.lowest_phase_crossing)
         }),
         ColumnSpec::new("peak_db", "peak", Unit::plain("dB"), 2, |row: &Row| row.found.peak_db),
-        ColumnSpec::new("overshoot_percent", "overshoot", PERCENT, 1, |row: &Row| 100.0 * row.found.overshoot),
+        ColumnSpec::new("overshoot_percent", "overshoot", Unit::PERCENT, 1, |row: &Row| 100.0 * row.found.overshoot),
     ];
     let caption = "Where the actuator differs from its model: over all points, by small sinusoids and by steps of 0.05";
     build_table("robustness", caption, &columns, found)

@@ -33,9 +33,6 @@ use multisine_record::{MultisineRecord, behind_holds, suspicions};
 pub use nominal::{NominalIdentification, PeriodicIdentification, RecordResponse, SquareValidation};
 pub use warning::IdentifyWarning;
 
-/// Below this tail probability the residual shows that a first-order lag is too simple. Chosen: one sound fit in a thousand is warned of.
-const MODEL_LEVEL: f64 = 1e-3;
-
 /// Half width of the Hann window that smooths what is drawn, lines. Chosen: it averages `(sum W)^2 / sum W^2 = 6.7` lines; a wider
 /// window would hide a resonance.
 pub const SMOOTHING_HALF_WIDTH: usize = 4;

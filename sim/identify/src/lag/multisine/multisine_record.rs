@@ -5,9 +5,10 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rotorlead_records::{Experiment, Record};
 
-use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions, plausibility};
+use super::{IdentifyWarning, PeriodicOptions, plausibility};
 use crate::error::IdentifyError;
 use crate::frequency_response::hold::HoldChain;
+use crate::goodness_of_fit::MODEL_LEVEL;
 use crate::lag::first_order::{FirstOrderFit, FitLine};
 use crate::lag::multisine::feedback::FeedbackTest;
 use crate::rows::clipping;

@@ -7,10 +7,11 @@ use rotorlead_numerics::sample::mean;
 use rotorlead_numerics::statistics::f_upper_tail;
 use rotorlead_records::{NOMINAL_TOLERANCE, Record};
 
-use super::{IdentifyWarning, MODEL_LEVEL};
+use super::IdentifyWarning;
 use crate::error::{IdentifyError, with_advice};
 use crate::estimate::Estimate;
 use crate::estimate::MAX_RELATIVE_STD;
+use crate::goodness_of_fit::MODEL_LEVEL;
 use crate::lag::first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
 use crate::rows::clipping::ClippingLimit;
 use crate::rows::spikes::without_spikes;

@@ -11,8 +11,8 @@
 //! lines that it falls on and from the many on which it leaks. A frequency that is a whole number of bins
 //! does not turn and is no business of this file.
 //!
-//! The diagnosis searches hum once more, in `diagnose::noise::hum`: there it is in the one residual of a model, which has no periods to
-//! compare, and here it is what turns between periods, before there is a model.
+//! The diagnosis has a search of its own, `diagnose::noise::hum`: it looks at one residual of a model, in which a hum that repeats with the
+//! periods shows too, and this one at what turns between periods, before there is a model.
 
 use std::f64::consts::{PI, TAU};
 
