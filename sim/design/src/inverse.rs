@@ -17,10 +17,8 @@ use rotorlead_plant::effect::{asymmetric_lag, parameter_error};
 use rotorlead_plant::{Effect, InverseCompensator, InverseRange, Model, Point};
 
 use super::CompensatorError;
+use super::error::MOST_OVER_REFERENCE;
 
-/// Largest upper bound of the response over that of the reference model. Chosen: one decibel, `10^(1/20)`; a rotor that is 10 % faster than
-/// its table gives 0.8 dB and overshoots by 14 % (`docs/inverse.md`).
-pub const MOST_OVER_REFERENCE: f64 = 1.12;
 /// Part of the time constants that the robust setting puts in its table. Tuned on the simulated rotor of Table 1: with an `omega_f` of
 /// 125 rad/s the bandwidth holds where time constants are 10 % off either way (`docs/inverse.md`).
 const ROBUST_PART: f64 = 0.9;

@@ -15,8 +15,8 @@ mod robustness;
 mod steps;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
-pub use error::CompensatorError;
-pub use inverse::{DesignedInverse, InverseOptions, MOST_OVER_REFERENCE, REACH, Setting, design_inverse};
+pub use error::{CompensatorError, MOST_OVER_REFERENCE};
+pub use inverse::{DesignedInverse, InverseOptions, REACH, Setting, design_inverse};
 pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};

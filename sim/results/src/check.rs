@@ -10,7 +10,7 @@ use rotorlead_identify::stand::{StandOptions, identify_stand};
 use rotorlead_records::{Excitation, Experiment, Finding, Inspection, Role, Severity, Topic, Unreadable};
 use serde_json::json;
 
-use crate::object;
+use crate::json_object::json_object;
 
 /// All that is wrong with the folder `name`, and how much that is.
 #[must_use]
@@ -30,7 +30,9 @@ pub fn check_answer(name: &str, inspection: &Inspection) -> Answer {
         name: "check",
         title: "Check",
         verdict: Verdict::new(tone, format!("{name}: {read}{found}")),
-        values: object(&json!({ "records": records, "errors": errors, "warnings": warnings, "findings": findings })),
+        values: json_object(
+            &json!({ "records": records, "errors": errors, "warnings": warnings, "findings": findings }),
+        ),
         findings,
         ..Answer::default()
     }

@@ -14,10 +14,10 @@ use rotorlead_records::Experiment;
 use serde_json::{Value, json};
 
 use crate::IdentifyResult;
-use crate::estimate;
 use crate::figures::diagnosis::diagnosis_figures;
+use crate::json_object::json_object;
+use crate::number::estimate_cell;
 use crate::number::parameter_with_std;
-use crate::object;
 use crate::recommendation::judged_verdict;
 use crate::unit::unit;
 
@@ -29,7 +29,7 @@ const SCORE: &str = "score: what it gains, less what the search gains by chance"
 #[must_use]
 pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
     let next = found.next_experiment().map(|next| next.words);
-    let mut values = object(found);
+    let mut values = json_object(found);
     values.insert("next_experiment".to_owned(), json!(next));
     values.insert("effects".to_owned(), found.effects.iter().map(effect_values).collect());
     let judged = found.model.judgement();
@@ -263,7 +263,7 @@ fn place(part: &Location) -> String {
 
 /// An effect for programs.
 fn effect_values(effect: &NamedEffect) -> Value {
-    let mut values = object(effect);
+    let mut values = json_object(effect);
     values.insert("bends".to_owned(), json!(bends(effect)));
     values.insert("to_do".to_owned(), json!(effect.kind.remedy));
     Value::Object(values)
@@ -326,8 +326,8 @@ fn lags(found: &Diagnosis) -> Table {
     let row = |point: &Point| {
         vec![
             Cell::number(point.nominal, 3),
-            estimate(point.gain, point.gain_std, 1.0, 4),
-            estimate(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
+            estimate_cell(point.gain, point.gain_std, 1.0, 4),
+            estimate_cell(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
             Cell::number(1.0 / point.time_constant_s, 3),
         ]
     };

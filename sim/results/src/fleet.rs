@@ -5,7 +5,7 @@ use rotorlead_assess::fleet::{Comparison, LogFileDeviation, MotorDeviation, rela
 use rotorlead_records::Output;
 use serde_json::{Value, json};
 
-use crate::object;
+use crate::json_object::json_object;
 use crate::unit::unit;
 
 /// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.
@@ -78,7 +78,7 @@ pub fn fleet_answer(
             .chain(noted)
             .chain([all_logs.in_detail()])
             .collect(),
-        values: object(&json!({
+        values: json_object(&json!({
             "levels": levels
                 .iter()
                 .map(|level| json!({"nominal": level.nominal, "time_constant_s": level.time_constant_s, "gain": level.gain}))

@@ -14,6 +14,7 @@ mod experiment;
 mod figures;
 mod fleet;
 mod identify;
+mod json_object;
 mod latency;
 mod number;
 mod overview;
@@ -26,10 +27,6 @@ mod stand;
 mod unit;
 mod validation;
 mod vehicle;
-
-use rotorlead_answer::{Cell, with_std};
-use serde::Serialize;
-use serde_json::{Map, Value};
 
 pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range};
 pub use catalog::{catalog_markdown, with_catalog};
@@ -57,16 +54,3 @@ pub use stand::stand_answer;
 pub use unit::{quantity, unit};
 pub use validation::{validation_answer, validation_in_words};
 pub use vehicle::vehicle_answer;
-
-/// What programs read, by its keys; numbers that are not finite become null.
-fn object(values: &impl Serialize) -> Map<String, Value> {
-    match serde_json::to_value(values) {
-        Ok(Value::Object(values)) => values,
-        other => unreachable!("values have keys, and keys are text: {other:?}"),
-    }
-}
-
-/// A value with its standard error, both times `scale`.
-fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
-    Cell::shown(scale * value, with_std(value, std, scale, digits).replace("+-", "±"))
-}

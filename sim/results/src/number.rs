@@ -1,6 +1,6 @@
 //! Numbers with their standard errors.
 
-use rotorlead_answer::with_std;
+use rotorlead_answer::{Cell, with_std};
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::effect::Parameter;
 
@@ -11,6 +11,11 @@ const LEVEL: f64 = 0.95;
 #[must_use]
 pub fn at_nominal(nominal: f64) -> String {
     format!("u_nom {}", (1e3 * nominal).round() / 1e3)
+}
+
+/// A value with its standard error, both times `scale`.
+pub(crate) fn estimate_cell(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
+    Cell::shown(scale * value, with_std(value, std, scale, digits).replace("+-", "±"))
 }
 
 /// A parameter of an effect with its standard error and unit; where the data say no more than its bounds do, these.

@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::bandwidth::{bandwidth_cell, bandwidth_text};
 use crate::design::in_short;
 use crate::figures::compensation::redesigned as bandwidths;
-use crate::object;
+use crate::json_object::json_object;
 
 /// What a compensator does with the effects that were found, by sinusoids of `amplitude`, duty, and whether it is to be used.
 #[must_use]
@@ -23,7 +23,7 @@ pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &Redesig
             return Answer {
                 text: vec![format!("There is no redesign. {reason}")],
                 verdict: Said::new(Tone::Bad, "No compensator can be designed for the improved model."),
-                values: object(&json!({ "verdict": "none", "reasons": [reason] })),
+                values: json_object(&json!({ "verdict": "none", "reasons": [reason] })),
                 ..answer
             };
         }
@@ -44,8 +44,8 @@ pub fn redesign_answer(found: &Diagnosis, redesigned: Result<&Redesign, &Redesig
         ("designed", Tone::Good, "A compensator is designed for the improved model.".to_owned(), vec![what])
     };
     text.extend(remarks.iter().cloned());
-    let mut values = object(full);
-    values.extend(object(&json!({
+    let mut values = json_object(full);
+    values.extend(json_object(&json!({
         "verdict": name,
         "reasons": reasons,
         "amplitude": amplitude,

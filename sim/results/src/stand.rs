@@ -10,7 +10,8 @@ use rotorlead_records::{Finding, Severity, Topic};
 use serde_json::{Map, Value, json};
 
 use super::figures::stand::stand_figures;
-use super::{estimate, object};
+use crate::json_object::json_object;
+use crate::number::estimate_cell;
 
 /// Up to which frequency a stand shows what its motor does, its poles and zeros, and its frequency response.
 #[must_use]
@@ -65,7 +66,7 @@ fn values(stand: &StandIdentification) -> Map<String, Value> {
             "score": order.score,
         })
     };
-    object(&json!({
+    json_object(&json!({
         "records": stand.records,
         "gain": stand.fit.gain.value,
         "gain_std": stand.fit.gain.std,
@@ -88,14 +89,14 @@ fn poles_and_zeros(stand: &StandIdentification) -> Table {
     let rows = roots.map(|(kind, root)| {
         let frequency = root.frequency_rad_s;
         let damping = if root.is_pair() {
-            estimate(root.damping.value, Some(root.damping.std), 1.0, 4)
+            estimate_cell(root.damping.value, Some(root.damping.std), 1.0, 4)
         } else {
             Cell::text(if root.damping.value < 0.0 { "real, right half" } else { "real" })
         };
         vec![
             Cell::text(kind),
-            estimate(frequency.value, Some(frequency.std), 1.0, 2),
-            estimate(frequency.value, Some(frequency.std), 1.0 / TAU, 3),
+            estimate_cell(frequency.value, Some(frequency.std), 1.0, 2),
+            estimate_cell(frequency.value, Some(frequency.std), 1.0 / TAU, 3),
             damping,
         ]
     });

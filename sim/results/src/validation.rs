@@ -14,7 +14,7 @@ use rotorlead_vehicle::Recommendation;
 use serde_json::json;
 
 use crate::figures::{etfe, time_response};
-use crate::object;
+use crate::json_object::json_object;
 use crate::recommendation::{JudgementValues, judged_verdict};
 
 /// Probability that the bands of a figure hold the truth, at each line. Standard: 95 %, as of every interval that is printed.
@@ -87,7 +87,9 @@ pub fn validation_answer(
         verdict: judged_verdict(judgement),
         tables: std::iter::once(scores).chain(by_nominal).collect(),
         figures: records.iter().map(|record| comparison_figure(record, output)).collect(),
-        values: object(&json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records })),
+        values: json_object(
+            &json!({ "judgement": JudgementValues::new(judgement, recommendation), "records": records }),
+        ),
         ..Answer::default()
     }
 }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::caveats::judged;
 use crate::figures::vehicle::vehicle_figures;
-use crate::object;
+use crate::json_object::json_object;
 
 const MILLISECONDS: Unit = Unit::plain("ms");
 const DEGREES: Unit = Unit::plain("deg");
@@ -42,8 +42,8 @@ pub fn vehicle_answer(study: &Study, airframe: &Airframe, model: &Model) -> Answ
         };
         json!({"latency_s": at.latency_s, "hover": beside(&at.hover), "range": beside(&at.range)})
     };
-    let mut values = object(study);
-    values.extend(object(&json!({
+    let mut values = json_object(study);
+    values.extend(json_object(&json!({
         "airframe": airframe,
         "over_none": study.latencies.iter().map(over_none).collect::<Value>(),
         "findings": found,

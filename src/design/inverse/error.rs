@@ -3,10 +3,13 @@
 use core::fmt;
 
 use super::super::DesignError;
-use super::rounding::LONGEST_RESPONSE_TICKS;
 use super::table_command;
 use crate::inverse::{TABLE_POINTS, TableError};
 use crate::throttle::Command;
+
+/// Longest response that is summed, in ticks: a twentieth of a second on a controller. For a damping of 0.7 and 5 kHz that of
+/// 7.3 rad/s, about that of the slowest rotors.
+pub(super) const LONGEST_RESPONSE_TICKS: u32 = 1 << 13;
 
 /// Why a conditioned inverse is refused. Every variant names the parameter, its place and its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]

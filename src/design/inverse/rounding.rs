@@ -2,6 +2,7 @@
 
 use libm::fabs;
 
+use super::error::LONGEST_RESPONSE_TICKS;
 use super::{FORMAT_A, FORMAT_G, InverseError, table_command};
 use crate::inverse::{Coefficients, OUTPUT_BITS};
 use crate::throttle::FRACTION_BITS;
@@ -12,9 +13,6 @@ pub const LARGEST_ROUNDING_ERROR: f64 = (1_u32 << (FRACTION_BITS - OUTPUT_BITS -
 
 /// The impulse responses are summed until the state is this small, relative to the impulse; what remains is bounded.
 const RESPONSE_END: f64 = 1.0 / 4096.0;
-/// Longest response that is summed, in ticks: a twentieth of a second on a controller. For a damping of 0.7 and 5 kHz that of
-/// 7.3 rad/s, about that of the slowest rotors.
-pub(super) const LONGEST_RESPONSE_TICKS: u32 = 1 << 13;
 /// Divides it.
 const TICKS_PER_LOOK: u32 = 16;
 

@@ -170,7 +170,7 @@ impl Judge<'_> {
         let command = self.command()?;
         let run = (record.excitation == Excitation::Staircase).then(|| Run::longest(record, output)).transpose()?;
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
-        let shown = run.as_ref().map(Run::rows_that_show);
+        let shown = run.as_ref().map(Run::unclipped_rows);
         let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
         let nothing = run.as_ref().map(|run| run.rows_without_lag(&record.time_s));
         let says = |row: &usize| shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]);

@@ -23,7 +23,7 @@ use super::caveats::{doubts_in_short, judged, lost_gain, warn_of_another_model};
 use super::design::tables::in_short;
 use super::figures::compensation::{bandwidths, color, measured, simulated, simulation_and_experiment};
 use super::latency::latency_json;
-use super::object;
+use crate::json_object::json_object;
 
 /// Bandwidths of a model in a chain, and whatever else was asked of it.
 pub struct BandwidthResult {
@@ -148,7 +148,7 @@ impl BandwidthResult {
             ("left_out", (!self.effects.is_empty()).then(|| json!(left_out.collect::<Vec<_>>()))),
             ("measured", self.measured.as_ref().map(|measured| json!(measured.bandwidths))),
         ];
-        let mut values = object(&json!({
+        let mut values = json_object(&json!({
             "points": bandwidth_values(&self.points, &self.phases),
             "latency": latency_json(&self.latency, chain, &self.phases),
         }));

@@ -17,9 +17,9 @@ use serde_json::{Map, Value, json};
 
 use super::bandwidth::{BandwidthResult, predicted_bandwidth};
 use super::caveats::{doubts_in_short, judged};
-use super::object;
 use super::recommendation::recommendation_table;
 use super::request::{Chosen, DesignRequest, RequestError};
+use crate::json_object::json_object;
 
 /// A compensator with what its design says of it.
 // There is one of them.
@@ -132,11 +132,11 @@ impl DesignResult {
 
     /// For programs: what the file holds, and what its check and the predictions say. What is not known is null.
     fn values(&self) -> Map<String, Value> {
-        let mut values = object(&self.compensator.stored());
+        let mut values = json_object(&self.compensator.stored());
         for key in ["slew_per_s", "provenance"] {
             values.entry(key).or_insert(Value::Null);
         }
-        values.extend(object(&match &self.designed {
+        values.extend(json_object(&match &self.designed {
             Designed::Lead(design) => {
                 let check = design.check();
                 json!({
@@ -154,7 +154,7 @@ impl DesignResult {
                 "rounding_error": inverse.compensator.design().rounding_error(),
             }),
         }));
-        values.extend(object(&json!({
+        values.extend(json_object(&json!({
             "step_peak": self.compensator.step_peak(),
             "command_noise_gain": self.compensator.command_noise_gain(),
             "recommend": self.recommendation,

@@ -30,8 +30,8 @@ use super::distortion::{DistortionValues, distortion_table};
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
 use super::figures::steps::{steps, time_constant_curve};
-use super::object;
 use super::recommendation::{JudgementValues, recommendation_table, to_fly_in_short, tone};
+use crate::json_object::json_object;
 
 /// An identification, and what follows from it and its records.
 pub struct IdentifyResult {
@@ -140,7 +140,7 @@ impl IdentifyResult {
             found.nominals.iter().map(DistortionValues::from_nominal).collect()
         };
         let responses = chirps.map(|found| found.responses.iter().map(ChirpValues::new).collect::<Vec<_>>());
-        object(&json!({
+        json_object(&json!({
             "judgement": judgement,
             "output": output,
             "other_output": self.assessment.other_output,

@@ -1,5 +1,6 @@
 //! What an overview says: its summary, sections and values.
 
+use crate::json_object::json_object;
 use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Report, Section, Table, Tone, Verdict};
 use rotorlead_assess::Assessment;
@@ -12,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Overview, Part, said};
 use crate::{
-    JudgementValues, diagnosis_answer, effect_notes, excitation_section, flight_section, judged_verdict, object,
+    JudgementValues, diagnosis_answer, effect_notes, excitation_section, flight_section, judged_verdict,
     parameter_with_std, points_table, recommendation_table, to_fly_in_short, validation_answer,
 };
 
@@ -126,7 +127,7 @@ impl Overview {
     pub fn values(&self, experiment: &Experiment, report: &Report) -> Map<String, Value> {
         let Assessment { judgement, recommendation, .. } = &self.assessment;
         let figures = report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name);
-        object(&json!({
+        json_object(&json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
             "judgement": JudgementValues::new(judgement, recommendation.as_ref()),

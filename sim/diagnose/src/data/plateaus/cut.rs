@@ -92,7 +92,7 @@ fn prepare_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared 
     let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
     let mut limited = 0;
-    for (kept, shows) in kept.iter_mut().zip(run.rows_that_show()) {
+    for (kept, shows) in kept.iter_mut().zip(run.unclipped_rows()) {
         limited += usize::from(*kept && !shows);
         *kept &= shows;
     }

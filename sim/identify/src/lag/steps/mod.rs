@@ -169,7 +169,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let simulated = simulate(&common);
     let own_levels = simulate(&own);
     let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
-    let shown: Vec<bool> = runs.iter().flat_map(Run::rows_that_show).collect();
+    let shown: Vec<bool> = runs.iter().flat_map(Run::unclipped_rows).collect();
     let nothing = step::rows_without_lag(&spike, &runs, &steps);
     let clean = |k: usize| shown[k] && !nothing[rows[k]];
     let ceiling = || {

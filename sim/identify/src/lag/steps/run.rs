@@ -82,13 +82,13 @@ impl Run {
 
     /// Whether the motor's own response shows on plateau `k` from its first row on: neither it nor the one before
     /// stands on a limit.
-    pub fn shows(&self, k: usize) -> bool {
-        shows(&self.plateaus, k)
+    pub fn is_unclipped(&self, k: usize) -> bool {
+        is_unclipped(&self.plateaus, k)
     }
 
     /// Whether that is so of each row of [`Self::rows`].
-    pub fn rows_that_show(&self) -> Vec<bool> {
-        let rows_of = |(k, p): (usize, &Plateau)| std::iter::repeat_n(self.shows(k), p.rows.len());
+    pub fn unclipped_rows(&self) -> Vec<bool> {
+        let rows_of = |(k, p): (usize, &Plateau)| std::iter::repeat_n(self.is_unclipped(k), p.rows.len());
         self.plateaus.iter().enumerate().flat_map(rows_of).collect()
     }
 
@@ -105,7 +105,7 @@ impl Run {
     }
 }
 
-/// [`Run::shows`] of any plateaus in a row.
-pub(super) fn shows(plateaus: &[Plateau], k: usize) -> bool {
+/// [`Run::is_unclipped`] of any plateaus in a row.
+pub(super) fn is_unclipped(plateaus: &[Plateau], k: usize) -> bool {
     !plateaus[k].limited && (k == 0 || !plateaus[k - 1].limited)
 }

@@ -217,7 +217,7 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
     let gap_s = |row: usize| time_s[row] - time_s[row - 1];
     let fault = if before.state == PlateauState::Short || to.state == PlateauState::Short {
         Some(StepFault::Short)
-    } else if !(run.shows(k) && run.shows(k + 1)) {
+    } else if !(run.is_unclipped(k) && run.is_unclipped(k + 1)) {
         Some(StepFault::Limited)
     } else if is_gap(&row) {
         Some(StepFault::CommandInGap { gap_s: gap_s(row) })
