@@ -11,8 +11,6 @@ pub mod scenario;
 pub mod spikes;
 pub mod stand_in;
 
-use std::path::{Path, PathBuf};
-
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
@@ -25,39 +23,7 @@ use rotorlead::settings::{
     NoSignal, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::{Command, FRACTION_BITS};
-
-/// A log of a real motor. The logs are not in this repository: they are looked for in `$ROTORLEAD_DATA`, else in `shared/data`
-/// beside the workspace. Without them this is `None`, and says that the test is skipped.
-///
-/// # Panics
-/// Where `CI` is set and the log is missing.
-#[must_use]
-pub fn real_log(name: &str) -> Option<PathBuf> {
-    let sets = ["alspitz_esc_test", "sar_simulation"].map(|set| format!("{set}/{name}"));
-    let [first, second] = &sets;
-    data(if data_folder().join(second).exists() { second } else { first })
-}
-
-fn data_folder() -> PathBuf {
-    std::env::var_os("ROTORLEAD_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from)
-}
-
-/// A file or folder beside the logs, as [`real_log`].
-///
-/// # Panics
-/// As [`real_log`].
-#[must_use]
-pub fn data(name: &str) -> Option<PathBuf> {
-    let file = data_folder().join(name);
-    if !file.exists() {
-        let message = format!("{} is not there", file.display());
-        assert!(std::env::var_os("CI").is_none(), "{message}");
-        eprintln!("skipped: {message}");
-        return None;
-    }
-    Some(file)
-}
+pub use rotorlead_records::shared_data::{data, real_log};
 
 /// A plan of two nominal commands with a multisine and a square wave at each, 200 rows a second, in noise.
 #[must_use]

@@ -13,8 +13,8 @@ use stm32f4xx_hal::time::Bps;
 
 use super::generated::{LinkRx, LinkTx};
 
-/// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come
-/// in of a host that sends one request after another.
+/// Size of the queue of received bytes, a power of two. Holds what a host that sends one request after another can send while the idle
+/// task is busy, which is longest during a filter design.
 pub const RECEIVE_QUEUE: usize = 2048;
 /// Size of the queue of bytes to be sent, a power of two.
 pub const SEND_QUEUE: usize = 1024;

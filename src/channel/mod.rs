@@ -40,8 +40,8 @@
 //! - **Armed, the lowest output is idle**, not stop: a step from 0.5 to 0.3 drives the unclamped filter below 0 for
 //!   20 ms, and a motor that stops in flight may not start again.
 //! - **Loss.** The last *command* is held, not the last output, which may be the peak of an answer to a step: the filter
-//!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none. Nothing is held of an
-//!   input whose commands have armed the motor for no longer than it would be held: what ends so soon was a disturbance.
+//!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none. A loss is held only if
+//!   the motor was armed longer than the hold time; a shorter signal counts as a disturbance.
 //! - **Return within the hold time**, with the filter in the path, goes on without a jump: the output starts from where it
 //!   is and fades to the new command within some 50 ms, instead of answering the step that the outage made with a lead
 //!   kick. With the filter switched out there is no such kick; the command passes at once.
@@ -138,7 +138,7 @@ enum Mode {
     Disarmed {
         arming: u8,
     },
-    /// For so many ticks, after which no command has come yet that lets a loss be held.
+    /// Armed for `ticks` ticks, not yet long enough for a signal loss to be held: that takes a command after more than the hold time.
     JustArmed {
         ticks: u32,
     },
@@ -160,8 +160,8 @@ pub struct Channel {
     settings: ChannelSettings,
     /// Stop pulses that are still to come, in ticks, while the motor is at rest without a disarmed command.
     stop_ticks_left: u32,
-    /// Ticks since the output was last something else than a stop pulse or none, or the command one that should turn the motor, or
-    /// since the start: what was before is not known.
+    /// Ticks since the output was last anything but a stop pulse or none, or since a command asked the motor to turn. Counts from
+    /// start-up, since earlier history is unknown.
     rest_ticks: u32,
     last_end: Option<End>,
     /// Excitations that ended because the host was silent; wraps.
@@ -421,8 +421,8 @@ impl Channel {
         Ok(())
     }
 
-    /// To rest, at once and until a disarmed command comes, as after a loss: for a motor at rest whose ticks are about to
-    /// pause, and whose last disarmed command is then an old one.
+    /// Treats the input as lost at once, without restarting the stop-pulse time. Only for a motor at rest, such as one whose ticks are
+    /// about to pause; it turns again only after a new disarmed command, since the last one is then old.
     pub fn mark_lost(&mut self) {
         self.mode = Mode::Lost;
     }
@@ -443,7 +443,7 @@ impl Channel {
         }
     }
 
-    /// Goes on with what [`Self::held`] gave before a reset, the filter at rest at the command. Of a channel that is as
+    /// Goes on with what [`Self::hold_state`] gave before a reset, the filter at rest at the command. Of a channel that is as
     /// [`Self::new`] made it, and without effect on any other.
     pub fn resume(&mut self, command: Command, ticks_left: u32) {
         if !matches!(self.mode, Mode::NoSignal) || command < self.settings.disarming_threshold {

@@ -143,7 +143,7 @@ pub struct ExcitationLimits {
     pub max_amplitude: i32,
     /// How long stop pulses come before the ramp, for the ESC to arm, milliseconds.
     pub arm_ms: u16,
-    /// Time from the stop to the highest command that is allowed, milliseconds; smaller ways take their share of it.
+    /// Ramp time from command 0 to `max_command`, milliseconds; a shorter ramp takes proportionally less.
     pub ramp_ms: u16,
 }
 

@@ -149,10 +149,9 @@ fn words() -> Program<32> {
     .program
 }
 
-/// Collects the bits of a frame on a line that idles high, as above, inverted and with a line that stays high for some 3/4 of a bit
-/// behind them. Behind 16 of them it takes the newest word that waits, or the last one again, and unless that is 0 counts the turns that
-/// its first bits say. If the line is still high then it drives it, with the levels that are the rest of the word, and lets go
-/// of it high. A line that falls meanwhile is the first bit of a frame.
+/// As [`words`], for a line that idles high: levels are inverted, and a frame ends when the line stays high for about 3/4 bit. After 16
+/// bits it takes the newest word in the TX FIFO, or the last one again. If that is not 0, it counts the delay in the first 10 bits, drives
+/// the rest as levels and releases the line high. A fall during the delay is the first bit of a new frame.
 fn answered_words() -> Program<32> {
     pio_asm!(
         "collected:",
@@ -217,7 +216,8 @@ pub struct Capture {
     machines: StateMachines,
     timer: TIMER,
     is_listening: bool,
-    /// Stamps of each input, with the next, up to the first behind one that was lost; 0 where none was.
+    /// Stamps of each input still to read up to and including the first after the gap that a lost stamp left: 1 if the next stamp is
+    /// that one, 0 if there is no gap.
     stamps_until_gap: [u8; MOTORS],
 }
 

@@ -14,8 +14,8 @@ use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use crate::clocks::CORE_HZ;
 use crate::pins::{Pins, Pull};
 
-/// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come
-/// in of a host that sends one request after another.
+/// Size of the queue of received bytes, a power of two. Holds what a host that sends one request after another can send while the idle
+/// task is busy, which is longest during a filter design.
 pub const RECEIVE_QUEUE: usize = 2048;
 /// Size of the queue of bytes to be sent, a power of two.
 pub const SEND_QUEUE: usize = 1024;

@@ -63,8 +63,8 @@ pub fn take_was_running(registers: &WATCHDOG) -> bool {
 /// Cycles after which a reset that was asked for should have come.
 const RESET_CYCLES: u32 = 1000;
 
-/// Resets as the watchdog does: of the core alone, which is what its own request resets, pins and timers would not know. From a handler
-/// that does not return.
+/// Triggers a watchdog reset, which also resets pins and timers; the core's own reset request would not. Call only from a handler that
+/// does not return.
 #[allow(unsafe_code)]
 pub fn reset() -> ! {
     // SAFETY: interrupts are off and this does not return, so nobody else has them.

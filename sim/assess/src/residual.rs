@@ -1,4 +1,4 @@
-//! What a model leaves of records, against their noise.
+//! The residual of a model on records, against their noise.
 
 use rotorlead_identify::validate::RecordValidation;
 

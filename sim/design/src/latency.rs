@@ -112,9 +112,9 @@ impl Latency {
             let ticks_per_frame = (loop_rate_hz * frame_s(output)).ceil().max(1.0);
             (FrameStart::FreeRunning, Delay::wait((ticks_per_frame - 1.0) * tick_s))
         } else if follows {
-            // A pulse that is read too soon after another one waits for the frame under way, until no more than the length of
-            // that frame after the other one has gone out. This is shorter than the input's frame: so the one that waits is not
-            // later than the other one was, and none is later than the longest pulse that waits for nothing.
+            // A pulse read too soon after the last one waits until the running output frame has its minimum length. That frame is
+            // shorter than an input frame, so the latency with the wait never exceeds the longest latency of a pulse that does not
+            // wait: the worst case gains nothing.
             let mean_s = mean_wait_s(frame_s(input), frame_s(output), tick_s);
             (FrameStart::FollowsInput, Delay { mean_s, worst_s: 0.0 })
         } else {

@@ -2,8 +2,9 @@
 //!
 //! One way up, a folder each: `noise` (spectra, errors), `data` (records, which do not change), `model` (hypotheses and their response),
 //! `likelihood` (white residuals by weights that are values: where only noise is left, their sum of squares is a chi-square), `estimate`
-//! (fits and what they predict), `propose` (where searches begin), `policy` (for how much a name is given), `assess` (what is left, and what matters), `select` (which effects
-//! the records ask for), `diagnose` and `plan` (the answer, and the experiment that would say more).
+//! (fits and what they predict), `propose` (initial values of searches), `policy` (the criteria for naming an effect), `assess` (the
+//! residual, and what matters), `select` (which effects the records ask for), `diagnose` and `plan` (the answer, and the experiment that
+//! would say more).
 
 mod assess;
 mod data;

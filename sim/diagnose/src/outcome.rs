@@ -90,7 +90,7 @@ pub struct Diagnosis {
     /// Whether a given model was evaluated; else what is before are the lags that fit best.
     #[serde(skip)]
     pub is_of_given: bool,
-    /// Where the chi-square of the first model lies.
+    /// Where the excess chi-square of the first model lies.
     #[serde(rename = "where")]
     pub locations: Vec<Location>,
     /// The effects, the most valuable first.
@@ -133,7 +133,7 @@ pub struct Diagnosis {
     /// What is left over noise, before and after.
     #[serde(serialize_with = "before_and_after")]
     pub excess: (Excess, Excess),
-    /// Whether what is left is steady, as noise is.
+    /// Whether the residual is stationary, as noise is.
     pub steadiness: Steadiness,
     /// Whether the delay is the same at every step.
     pub timing: Timing,

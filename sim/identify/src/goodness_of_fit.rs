@@ -7,7 +7,7 @@ use std::ops::Sub;
 
 use num_complex::Complex64;
 
-/// A ratio of powers beyond this is none to noise. Chosen: the response would show its noise a millionth as large as the residual, and
+/// A ratio of powers above this is unknown: the noise does not show. Chosen: the noise would be a millionth as large as the residual, and
 /// neither the digits of a log nor the sensor go so far.
 const LARGEST_KNOWN_RATIO: f64 = 1e12;
 

@@ -186,8 +186,8 @@ impl CurrentDamping {
         Self { rule, lambda: FIRST_DAMPING, growth: 2.0, scale: DVector::zeros(0) }
     }
 
-    /// [`Self::step`] of the parameters that no bound holds against it. A bound that is left in promises what cannot be had, and the
-    /// others make room for it.
+    /// [`Self::step`] over the parameters whose bounds are not active. With active ones left in, the other parameters would be moved to
+    /// suit a change that cannot happen.
     fn free_step(
         &mut self,
         matrix: &DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! A chain over a whole record.
+//! Simulates an actuator over a whole record.
 
 use super::command_signal::{CommandSignal, Interpolation};
 use super::pieces::Pieces;
@@ -129,8 +129,9 @@ pub fn simulate_interpolated(
     Ok(Run::begin(actuator, (drive, interpolation), start, rows_s)?.finished())
 }
 
-/// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
-/// What was before a running one is cut short where stages that know the last turning points keep the same for it.
+/// [`simulate_response`] where the command signal is whole periods of `period_rows` rows. Once the response repeats, further periods are
+/// copied, not simulated. With [`Start::PartOfPeriod`] the pre-roll is shortened if the stages with turning-point memory then repeat after
+/// one period.
 ///
 /// # Errors
 /// Those of [`simulate`].
@@ -253,9 +254,9 @@ impl<'a> Run<'a> {
         Some(before.iter().zip(&after).all(|(before, after)| (before - after).abs() <= SAME_LEVEL))
     }
 
-    /// How long after its begin the response repeats where the commands do, every `period_s`; from `lead_s` before its begin on
-    /// they did already, and what was before shows for `fades_s`. What stages keep is compared period by period, and the
-    /// actuator goes on as far. `None` where the record ends before that is known.
+    /// Seconds after the record's start from which the response repeats every `period_s`. The command has repeated since `lead_s` before
+    /// the start; earlier history shows for `fades_s`. Compares the memory of the stages period by period, which advances the actuator.
+    /// `None` if the record ends first, or a stage does not tell its memory.
     fn repeat_from_s(&mut self, period_s: f64, fades_s: f64, lead_s: f64) -> Option<f64> {
         let end_s = self.moments_s.last().copied()?;
         let mut from_s = (fades_s - lead_s).max(0.0);

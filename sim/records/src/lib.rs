@@ -22,6 +22,10 @@ mod sampling;
 mod table;
 mod write;
 
+#[cfg(any(test, feature = "testing"))]
+#[doc(hidden)]
+pub mod shared_data;
+
 #[cfg(test)]
 mod tests;
 

@@ -14,7 +14,7 @@ pub struct ColumnSpec<'a, R> {
     get: Box<dyn Fn(&R) -> CellValue + 'a>,
 }
 
-/// What is shown for one of a value's own unit, which is SI unless its key says another.
+/// Display unit: symbol and factor from the stored value, which is SI unless the key names another unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     symbol: &'static str,

@@ -72,7 +72,7 @@ const FARTHEST_OFF: f64 = 0.2;
 /// Most means of a [`Residual`]. Chosen: about as many as a figure has dots across.
 const MOST_MEANS: usize = 500;
 
-/// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
+/// [`Residual`] of the first compared period; `None` where nothing can be simulated.
 pub(crate) fn residual(
     likelihood: &Likelihood,
     records: &[RecordGap],

@@ -1,6 +1,6 @@
-//! Where the chi-square lies.
+//! Where the excess chi-square lies.
 //!
-//! What the terms of a residual leave over noise is shared out along each axis.
+//! The excess of the residual's chi-square over that of the noise is split into the parts of each axis.
 
 use rotorlead_records::Excitation;
 use serde::Serialize;
@@ -20,7 +20,7 @@ const SAME_AMPLITUDE: f64 = 1.1;
 /// and no two ranges that differ are so near.
 const SAME_RANGE: f64 = 1e-3;
 
-/// Along what a chi-square is shared out.
+/// A quantity over which the excess chi-square is split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Axis {
@@ -56,16 +56,16 @@ impl Axis {
     }
 }
 
-/// A part of an axis with its share of the chi-square.
+/// A part of an axis with its share of the excess chi-square.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Location {
-    /// Along what.
+    /// The axis.
     pub axis: Axis,
     /// From and to, in the axis' unit.
     pub range: (f64, f64),
-    /// Share of the chi-square over the noise, 0..1. They sum up to 1 over an axis.
+    /// Share of the excess chi-square, 0..1. The shares of an axis sum up to 1.
     pub share: f64,
-    /// By how many standard deviations of the noise's own chi-square the chi-square exceeds it.
+    /// Excess of the chi-square over its expected value by noise alone, in standard deviations.
     pub significance: f64,
 }
 
@@ -171,7 +171,7 @@ fn excitation_number(excitation: Excitation) -> f64 {
     }
 }
 
-/// Shares the chi-square of what is fitted out along every axis.
+/// Splits the excess chi-square of the fitted rows over every axis.
 pub(crate) fn locate(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Vec<Location> {
     let [mut frequency, mut nominal, mut amplitude, mut direction, mut time, mut harmonics, mut excitation] =
         [(); 7].map(|()| Parts::default());

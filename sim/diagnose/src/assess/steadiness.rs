@@ -1,4 +1,4 @@
-//! Whether what an explanation leaves is steady noise.
+//! Whether the residual of an explanation is stationary noise.
 //!
 //! What comes and goes without repeating with the period (a motor that loses step, a logger that drops rows) lies between
 //! the harmonics, where the density takes it for noise: no gap shows it. But noise is equally strong at all times. Its white
@@ -32,7 +32,7 @@ const SPREAD: f64 = 0.2;
 pub struct Steadiness {
     /// Relative standard deviation of the power beyond chance, over means of the length that shows it most.
     pub spread: f64,
-    /// By how many standard deviations of steady noise that is beyond chance.
+    /// By how many standard deviations of stationary noise that is beyond chance.
     pub significance: f64,
 }
 

@@ -51,11 +51,11 @@ impl fmt::Display for Timing {
     }
 }
 
-/// A chi-square of changes that are alike.
+/// Scatter of the waits of changes in the same direction, as a chi-square.
 #[derive(Clone, Copy, Default)]
 struct Scatter {
     square: f64,
-    /// What it is on average where the waits are alike, and its variance.
+    /// Its expected value where the waits are alike, and its variance.
     chance: f64,
     variance: f64,
     /// By what it grows with the variance of the waits.

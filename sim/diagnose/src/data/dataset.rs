@@ -396,12 +396,12 @@ impl PreparedRecord {
         }
     }
 
-    /// Its segments of a split, each with its place among all.
+    /// Its segments of a split, each with its index among all segments.
     pub fn segments_in(&self, split: Split) -> impl Iterator<Item = (usize, &Segment)> {
         self.segments.iter().enumerate().filter(move |(_, segment)| segment.split == split)
     }
 
-    /// Without mains hum: what of it a residual of the whole record shows.
+    /// The record without the mains hum that the residual of the whole record shows.
     pub fn without_hum(mut self, residual: &[f64]) -> Self {
         let hum = hum::estimate_hum(residual, self.rate_hz, self.highest_hz);
         if !hum.is_empty() {

@@ -23,8 +23,8 @@ const ENOUGH: f64 = 0.2;
 /// Added to the unit diagonal of the normal equations for the covariance. Chosen: far above rounding; what has no effect at all has a
 /// standard error of 1e5, and what has some its own.
 const RIDGE: f64 = 1e-10;
-/// How far it is looked around for a better place where the chi-square has kinks, in coordinates. Chosen: from 3 % of a value or range
-/// down to the order of the finest step, in factors of three; farther off other starts are. More cost only time.
+/// Distances at which a better value is looked for where the chi-square has kinks, in coordinates. Chosen: from 3 % of a value or range
+/// down to the order of the finest step, in factors of three; other starts are farther off. More cost only time.
 const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
 /// How often. Chosen: each goes on only where it gains; it bounds a walk from kink to kink. More cost only time.
 const MOST_LOOKS: usize = 8;
@@ -112,9 +112,9 @@ fn search(likelihood: &Likelihood, start: &Hypothesis, coordinates: Vec<Coordina
     })
 }
 
-/// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit
-/// or leave it the chi-square has kinks, at which a search by derivatives ends. All else follows to first order. `None` where
-/// there is none.
+/// A better hypothesis near the end of a search, found by moving one value that acts on the command: where levels of the command reach
+/// or leave a limit the chi-square has kinks, at which a search by derivatives ends. All other values follow to first order. `None`
+/// if there is none.
 fn look_around(likelihood: &Likelihood, found: &Descent) -> Option<Hypothesis> {
     let acts_on_command = |coordinate: &&Coordinate| match coordinate {
         Coordinate::Effect { effect, .. } => found.at.hypothesis.effects[*effect].kind.site <= Site::Command,

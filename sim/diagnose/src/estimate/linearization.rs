@@ -140,12 +140,12 @@ impl Linearization {
         Some(Self { coordinates, records, matrix })
     }
 
-    /// The white residual of each record where the linearization was taken; empty of what is not fitted.
+    /// The white residual of each record where the linearization was taken; empty for a record that is not fitted.
     pub fn residual(&self) -> Vec<&[Complex64]> {
         self.records.iter().map(|record| &record.residual[..]).collect()
     }
 
-    /// Sum of squares where the linearization was taken, which is at `hypothesis`, and half its derivatives.
+    /// Sum of squares and half its derivatives at `hypothesis`, where the linearization was taken.
     pub fn slope_here(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
         self.white_slope(likelihood, hypothesis, |place, _| Some(self.records[place].residual.clone()))
     }
@@ -155,7 +155,7 @@ impl Linearization {
         self.white_slope(likelihood, hypothesis, |_, record| likelihood.residual(record, hypothesis, Split::Train))
     }
 
-    /// The same of white residuals by the place of their record.
+    /// The same of the white residuals that `white` returns for a record and its index.
     pub fn white_slope(
         &self,
         likelihood: &Likelihood,
@@ -199,7 +199,7 @@ impl Linearization {
         moved
     }
 
-    /// The sum of squares that `hypothesis` would leave after a fit of all that the linearization knows, to first order, and the
+    /// The sum of squares after a fit of all coordinates of the linearization, starting at `hypothesis`, to first order, and the
     /// hypothesis moved there.
     pub fn predict(&self, likelihood: &Likelihood, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
         let (sum, gradient) = self.slope(likelihood, hypothesis)?;
@@ -210,7 +210,7 @@ impl Linearization {
     pub fn follow(&self, hypothesis: &Hypothesis, sum: f64, gradient: &DVector<f64>) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, gradient, &floored_diagonal(&self.matrix), 1e-9)?;
         let chi_square = sum + gradient.dot(&step);
-        // The linearization holds nearby only: half a range, or a factor of 1.6. The damping of 1e-9 only lets the matrix be inverted.
+        // The linearization holds only nearby: up to half a range, or a factor of 1.6. The damping of 1e-9 only lets the matrix be inverted.
         Some((chi_square, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! (Laplace's method; for a linear model it is the predictive density: Bishop, Pattern Recognition and Machine Learning, sec. 3.3.2
-//! and 4.4). The numbers move as far as they were left open, at the complexity penalty of having been left open.
+//! and 4.4). The numbers may move within their covariance, and the determinants charge for how uncertain they are.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;

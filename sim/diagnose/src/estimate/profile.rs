@@ -53,7 +53,7 @@ struct Profile {
 }
 
 impl Profile {
-    /// Around `center`. `judge` says the chi-square at a coordinate; `None` where there is none.
+    /// Around `center`. `evaluate` returns the chi-square at a coordinate; `None` where there is none.
     fn draw(center: f64, evaluate: impl Fn(f64) -> Option<f64>) -> Option<Self> {
         let mut points = vec![(center, evaluate(center)?)];
         for side in [-1.0, 1.0] {
@@ -77,7 +77,7 @@ impl Profile {
         Some(profile)
     }
 
-    /// Where the chi-square is least, and what it is there.
+    /// The coordinate of the least chi-square, and that chi-square.
     fn best(&self) -> (f64, f64) {
         let best = self.points.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         best.copied().unwrap_or((f64::NAN, f64::INFINITY))

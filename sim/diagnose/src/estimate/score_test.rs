@@ -12,12 +12,12 @@ use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
 
-/// Judges candidates beside a fit by what they would change.
+/// Score test of candidates that are added to a fit: the decrease of the chi-square that the linearization predicts.
 ///
-/// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
-/// the chain without these and added to what the fit leaves: right to first order, which is all that the linearization is, and as quick as
-/// beside no effect. Where commands are applied between the rows and nothing acts on single ones, the change is taken from a straight
-/// line from row to row, for the same reason.
+/// Where the fit has effects that need an integrated rotor, or the periods differ, a candidate's change is taken from the chain without
+/// these and added to the fit's residual: that is right to first order, as the linearization is, and as quick as without effects. Where
+/// commands are applied between the rows and nothing acts on single ones, the change is taken from a straight line from row to row, for
+/// the same reason.
 pub(crate) struct ScoreTest<'a> {
     from: &'a Fit,
     linearization: Linearization,
@@ -31,7 +31,7 @@ pub(crate) struct ScoreTest<'a> {
 /// What changes are taken from.
 struct Chain {
     quick: Hypothesis,
-    /// By record what the fit leaves less what this leaves; empty where it is the fit's own.
+    /// By record, the residual of the fit less that of `quick`; empty where `quick` is the fit's own.
     offsets: Vec<Vec<Complex64>>,
 }
 
@@ -41,7 +41,7 @@ fn is_slow(candidate: &Candidate) -> bool {
 }
 
 impl Chain {
-    /// That of `quick`, where `left` is what the fit leaves of each record.
+    /// The chain of `quick`; `residual` is the white residual of the fit, record by record.
     fn new(likelihood: &Likelihood, quick: Hypothesis, residual: &[&[Complex64]]) -> Option<Self> {
         let of_record = |(record, residual): (&PreparedRecord, &&[Complex64])| {
             if residual.is_empty() {

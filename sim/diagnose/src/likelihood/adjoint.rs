@@ -16,7 +16,7 @@ use crate::model::hypothesis::Hypothesis;
 
 /// The residual of one record, run backward.
 pub(crate) struct Adjoint<'a> {
-    /// The segment that it is of: what is fitted, or else what is held out.
+    /// Its segment of the record: the fitted one, or else the held-out one.
     pub segment: &'a Segment,
     /// `g`, by row of the segment, for a signal that is an impulse at each row: of unit area times its number, command times
     /// seconds.

@@ -1,22 +1,22 @@
-//! What a hypothesis leaves of the records over what noise leaves.
+//! Excess of a hypothesis's residual over the noise.
 //!
-//! Of a record that repeats it is looked for on the lines that a period has: there is signal, chi-square and noise. `sum |z|^2` of the
-//! white residual over `n` lines is a chi-square of `2 n` where only noise is left. Of one that does not repeat it is the square of each
-//! row's residual over the variance of the noise there, which is 1 on average where only noise is left; rows of correlated noise count
-//! as fewer.
+//! A record that repeats is compared on the lines of its period, which hold the signal, the model error and noise. `sum |z|^2` of the
+//! white residual over `n` lines is a chi-square of `2 n` degrees of freedom where only noise is left. A record that does not repeat is
+//! compared row by row: the square of the residual over the variance of the noise there is 1 on average where only noise is left, and
+//! rows of correlated noise count as fewer.
 
 use serde::Serialize;
 
 /// The noise density rests on about half as many lines, at two numbers each, so its own error adds to that of a sum over many. Chosen:
 /// half or twice as many change a significance by 6 % at most.
 const DENSITY_LINES: f64 = 48.0;
-/// A chi-square of fewer standard deviations than this is no chi-square. Standard: five sigma, 3e-7 of a normal distribution. Lower, an
-/// error of the density is a gap; higher, small gaps pass for noise.
+/// A residual is significant only if its chi-square exceeds the expected value by this many standard deviations. Standard: five sigma,
+/// 3e-7 of a normal distribution. Lower, an error of the density is a gap; higher, small gaps pass for noise.
 const SIGNIFICANT: f64 = 5.0;
-/// The same for an explanation that many others look like. Derived: noise alone is beyond it once in 4300 experiments, by a normal
-/// distribution.
+/// The same for an explanation that is easily confused with many others. Derived: noise alone exceeds it once in 4300 experiments, by a
+/// normal distribution.
 const SUSPICIOUS: f64 = 3.5;
-/// What is left is the noise, its density being an estimate, where it is no more than this times it in power. Chosen: 2.5 % in amplitude,
+/// A residual of at most this many times the power of the noise, whose density is an estimate, counts as noise. Chosen: 2.5 % in amplitude,
 /// which no use of a model notices. Lower, long records find an error of the density.
 const NOISE: f64 = 1.05;
 

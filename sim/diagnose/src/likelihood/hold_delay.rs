@@ -106,7 +106,7 @@ mod tests {
         let sharp_s = 2e-6_f64;
         let sharp = mean_over_waits(0.0, sharp_s.powi(-2), frame_s);
         assert!((sharp - (sharp_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-3, "{sharp}");
-        // A wait of two such errors: e^2 times as likely as none, at the same complexity penalty.
+        // A wait of two such errors: e^2 times as likely as none, and the likelihood is as wide.
         let waits = mean_over_waits(-2.0 * std_s * power, power, frame_s);
         assert!((waits - alike - 2.0).abs() < 2e-3, "{waits}");
     }

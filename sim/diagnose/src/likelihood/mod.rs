@@ -32,12 +32,12 @@ const LEAST_GROUPS: usize = 2;
 /// mean of some hundreds. Higher, a short delay passes for alignment; lower, alignment for a delay.
 const STAMPS_OFF: f64 = 0.005;
 
-/// Whether the response at the begin of a record is compared.
+/// What is known of the response at the begin of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum InitialCondition {
     /// It may be anything.
     Free,
-    /// It is what was before ([`Before`](crate::data::dataset::Before)).
+    /// The steady response to the command before the record ([`Before`](crate::data::dataset::Before)).
     Steady,
 }
 

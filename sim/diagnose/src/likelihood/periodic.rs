@@ -20,7 +20,7 @@ pub(crate) const BEYOND_EXCITED: f64 = 2.0;
 /// square wave that count. It decides only how a line is listed.
 const EXCITED: f64 = 1e-3;
 
-/// What the segments of a record that repeats are weighed by, one for each.
+/// Weights of a record that repeats, one for each segment.
 #[derive(Clone, Debug)]
 pub(crate) struct PeriodicWeights(Vec<Whitening>);
 

@@ -113,7 +113,7 @@ impl PlateauWeights {
         if self.has(Split::Train) { Split::Train } else { Split::Holdout }
     }
 
-    /// With the errors of a residual of all rows. `simulated` is what it is the residual of.
+    /// With the errors estimated from the `residual` of all rows. `simulated` is the response that it belongs to.
     fn weighed(mut self, residual: &[f64], simulated: &[f64]) -> Self {
         self.parts.iter_mut().for_each(|part| part.follow(simulated));
         let unweighed = self.filters(self.response.errors, true);

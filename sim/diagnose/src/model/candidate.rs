@@ -26,7 +26,7 @@ pub(crate) struct Candidate {
     pub phases: Vec<f64>,
     /// Whether its law may be another one than the catalog's: its shape is searched along.
     pub bends: bool,
-    /// Standard deviation of the coordinate of its single value where a profile of the chi-square says it; else infinite.
+    /// Standard deviation of the coordinate of its single value, from a profile of the chi-square; infinite without one.
     pub profiled_std: f64,
 }
 

@@ -30,8 +30,8 @@ const MULTIPLES: u32 = 5;
 /// turns a sinusoid by 1e-4 rad over a record.
 const NARROWINGS: u32 = 30;
 
-/// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
-/// there is none.
+/// The hum in the rows of a residual; empty if there is none. Searched only above the excited band: below it, a model error could pass for
+/// hum.
 pub(crate) fn estimate_hum(residual: &[f64], rate_hz: f64, excited_hz: f64) -> Vec<f64> {
     let mut hum = Vec::new();
     for mains_hz in MAINS_HZ.into_iter().filter(|mains_hz| mains_hz * (1.0 - MAINS_TOLERANCE) > excited_hz) {

@@ -55,7 +55,7 @@ const FINER: usize = 4;
 /// once in thousands of experiments over some thousand rates. Of twelve it does more often (4e-4 at a rate), and [`unique_peak`] decides.
 const LEAST_GAIN: f64 = 30.0;
 
-/// Frames that would take more than this from the chi-square are seen where they are. Chosen: 17 standard errors, ten times what a rate
+/// Frames that would lower the chi-square by more than this are visible if they exist. Chosen: 17 standard errors, ten times what a rate
 /// has to gain. Lower drops frames that are there; higher keeps frames where there is a delay.
 const VISIBLE_CHI_SQUARE: f64 = 300.0;
 /// Those that were found are other ones, or none, where they take less than this part of it. Chosen: jitter, and a rate that is a little
@@ -137,8 +137,8 @@ pub(crate) fn find_frame_rate(likelihood: &Likelihood, fit: &Fit, effect: usize)
     Some(hypothesis)
 }
 
-/// The rate of the least chi-square among `peaks`, chi-square and rate. `None` where another one leaves so little more that, of all rates
-/// of the range, `line_hz` apart, the best of those which say nothing is as far ahead by chance.
+/// The rate of the least chi-square among `peaks`, pairs of chi-square and rate. `None` if the chi-square of another one is larger by no
+/// more than the best of all rates of the range, `line_hz` apart, gains by chance.
 fn unique_peak(peaks: &[(f64, f64)], range_hz: f64, line_hz: f64) -> Option<f64> {
     let (least, best_hz) = peaks.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let by_chance = 2.0 * (range_hz / line_hz).ln();
@@ -168,9 +168,9 @@ fn peaks(gain: impl Fn(f64) -> f64 + Sync, (low, high): (f64, f64), step_hz: f64
     peaks
 }
 
-/// Whether frames of the rate of `effect`, which lie anywhere in `fit`, would be seen if they were there: the sum of squares by which
-/// the responses to frames differ from the response to their mean is what the chi-square would fall by. `found` is the chi-square with the
-/// frames that were found.
+/// Whether frames of the rate of `effect`, whose phases are free in `fit`, would be visible, but those that were found gain too little. If
+/// frames were there, the chi-square would fall by the sum of squares by which the responses to them differ from the response to their
+/// mean. `found` is the chi-square with the frames that were found.
 pub(crate) fn is_predicted_gain_unrealized(
     likelihood: &Likelihood,
     fit: &Fit,

@@ -1,4 +1,4 @@
-//! Modes of the stand: what a residual says of every frequency and damping at once.
+//! Modes of the stand: the gain on a residual at every frequency and damping at once.
 //!
 //! A link behind the motor that is linear and has the size `a` answers with `1 + a h(f)`. It leaves `a h_k y_k` in the white
 //! residual `z_k` of a model without it, with `y` the white response of that model. Far below its peak that is much like
@@ -61,7 +61,7 @@ impl Proposal for Peak {
     }
 }
 
-/// The modes that the residual of `fit` speaks of most, the loudest first. Empty where no record repeats.
+/// The modes that promise the largest gain on the residual of `fit`, largest first. Empty where no record repeats.
 fn modes(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let searched: Vec<_> = Candidate::searched(kind).collect();
     let Some(size) = searched.iter().position(|(_, parameter)| parameter.null.is_finite()) else { return Vec::new() };

@@ -1,4 +1,4 @@
-//! Grids of commands: which steps a residual speaks of, all at once.
+//! Quantizer steps of the command that a residual shows, all at once.
 //!
 //! Rounding to a grid of step `q` adds to the command `-(q/pi) sum_k (-1)^(k+1) sin(2 pi k u / q) / k`, a function of the command
 //! alone. The inner product of a residual with the first term is `sum_n g_n sin(2 pi u_n / q)`, so with the products `g` gathered
@@ -63,7 +63,7 @@ fn lines(parameter: &Parameter) -> Range<usize> {
     (WIDTH / most) as usize..(WIDTH / least) as usize
 }
 
-/// Steps that the residual of `fit` speaks of, the loudest first.
+/// Quantizer steps that promise the largest gain on the residual of `fit`, largest first.
 fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let Some((place, parameter)) = Candidate::searched(kind).next() else { return Vec::new() };
     let gathered: Vec<(Vec<f64>, f64)> = likelihood

@@ -16,7 +16,7 @@ use crate::select::screen::Screened;
 use crate::select::search::Search;
 use crate::select::weak_evidence::{self, WeakEvidence};
 
-/// Two effects that leave more than this part of the chi-square are no explanation, and no third is looked for. Chosen: 1.5 times what an
+/// Two effects that leave more than this part of the excess chi-square are no explanation, and no third is tried. Chosen: 1.5 times what an
 /// explanation may leave, for a third that takes away the rest. Higher costs time; lower loses third effects.
 const HOPELESS: f64 = 0.15;
 /// What scores less than this part of the best is not followed. Chosen: half of a pair may explain little alone, so that it is far below
@@ -39,8 +39,8 @@ const CATCH_UP: f64 = 3.0;
 const APART: f64 = 3.0 * POLICY.alike;
 /// Members that are fitted again when the noise changes. Chosen: more than twice as many as go on to the next size. More cost only time.
 const KEPT: usize = 10;
-/// Noise that changes the chi-square of the best by no more than this part is the same. Chosen: differences of scores change by about as
-/// much. Lower costs fits of all members once more; higher compares scores of different noise.
+/// Noise estimates that change the chi-square of the best member by no more than this part count as the same. Chosen: differences of
+/// scores change by about as much. Lower costs fits of all members once more; higher compares scores of different noise.
 const SAME_NOISE: f64 = 0.02;
 /// Part of the evidence of the best that a kind has to promise to be fitted, by the size of the set that it makes. Chosen: every kind
 /// alone, then the more sets there are the fewer. Higher loses a small effect beside a large one; lower costs time.

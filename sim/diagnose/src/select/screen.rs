@@ -1,4 +1,4 @@
-//! Screening: what each kind promises beside a fit, by score tests, before any search.
+//! Screening: the gain that each kind promises over a fit, by score tests, before any search.
 
 use rayon::prelude::*;
 use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
@@ -38,7 +38,7 @@ const VALLEY_STEPS: u32 = 4;
 /// How much nearer each time. Derived: one over the steps, so that a look reaches to the neighbors of the best.
 const VALLEY_NARROWING: f64 = 0.25;
 
-/// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
+/// The predicted chi-square with a start of a kind, and the hypothesis that it leads to.
 pub(crate) type Screened = (f64, Hypothesis, &'static Kind);
 
 /// A kind that promises less than this part of what the best does at a first look is not looked at more closely, nor are more kinds
@@ -49,7 +49,7 @@ const CLOSER: f64 = 0.1;
 pub(crate) struct Look<'a, 'b> {
     likelihood: &'b Likelihood,
     score_test: ScoreTest<'a>,
-    /// The chi-square of the fit that kinds are tried beside.
+    /// The chi-square of the fit to which kinds are added.
     before: f64,
 }
 
@@ -63,8 +63,8 @@ impl<'a, 'b> Look<'a, 'b> {
 
     /// What a start would leave, and where it leads.
     pub fn at(&self, start: Candidate, is_misaligned: bool) -> Option<(f64, Candidate, Hypothesis)> {
-        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
-        // linearization does not hold.
+        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: the
+        // linearization does not hold that far.
         let with = self.score_test.predict(self.likelihood, &start, false);
         let without = is_misaligned.then(|| self.score_test.predict(self.likelihood, &start, true)).flatten();
         let (left, moved) = [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -101,7 +101,7 @@ impl Looked<'_, '_, '_> {
         self.look(Candidate::vertex(&self.evaluated).into_iter().collect());
     }
 
-    /// The part of the chi-square that the best of them takes away.
+    /// Share of the chi-square that the best of them would remove.
     fn promise(&self) -> f64 {
         self.evaluated.first().map_or(0.0, |best| 1.0 - best.0 / self.by.before)
     }
@@ -137,10 +137,10 @@ impl Looked<'_, '_, '_> {
 }
 
 impl Search<'_> {
-    /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the linearization holds, best first.
+    /// Starts of all kinds but those to `exclude`, each with the chi-square predicted by the linearization at `from`, best first.
     ///
-    /// All are looked at on a part of the records where there is one that shows most; those that promise something there more closely,
-    /// and the best on all records.
+    /// All are evaluated on a part of the records, if there is one that shows most; those that promise something there are evaluated more
+    /// closely, and the best on all records.
     pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
         let lifted = self.lags.then(|| collapsed::lifted(&self.likelihood, from)).flatten();
         let part = self.likelihood.for_first_look();
@@ -229,7 +229,7 @@ fn best_of_each(screened: &[Screened]) -> Vec<Hypothesis> {
 /// The starts to search from, of those that were screened, the most promising first: of kinds that promise at least this part of the
 /// best, and of a few in any case.
 fn promising(from: &Fit, screened: &[Screened], part_of_best: f64) -> Vec<Hypothesis> {
-    // A gain of log likelihood is half of one of the chi-square.
+    // A gain of log likelihood is half the decrease of the chi-square.
     let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
     let mut chosen: Vec<(&Hypothesis, &'static Kind)> = Vec::new();
     let mut kinds: Vec<&'static Kind> = Vec::new();

@@ -46,7 +46,7 @@ impl Search<'_> {
         Some(fit)
     }
 
-    /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
+    /// Excess chi-square of `fit` over that of `before`; 0 where `fit` leaves no more than noise.
     pub fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
         let left = |fit: &Fit| self.likelihood.excess(&fit.hypothesis, Split::Train);
         if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }

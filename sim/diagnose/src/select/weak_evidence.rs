@@ -53,7 +53,7 @@ fn complexity_penalty(kind: &'static Kind) -> f64 {
     Candidate::searched(kind).count() as f64 + propose::proposal_for(kind).independent_trials(kind).ln()
 }
 
-/// What each kind would gain on `from`, as far as the linearization holds.
+/// The gain over `from` that the linearization predicts for each kind.
 pub(crate) fn linearized_evidence(from: &Fit, screened: &[Screened]) -> Vec<WeakEvidence> {
     let mut promised: Vec<WeakEvidence> = Vec::new();
     // The best start of a kind comes first.

@@ -5,5 +5,7 @@ mod hidden_effects;
 mod invariance;
 mod logs;
 mod next_experiment;
+mod other_systems;
+mod real_logs;
 mod redesign;
 mod two_levels;

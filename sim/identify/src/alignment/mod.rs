@@ -18,7 +18,7 @@
 //!   known from elsewhere.
 //! - **A second, shorter lag from delay.** A filter of time constant `T2` well below the lag's shows as a delay of about `T2`.
 //! - **A lag that differs** with level or direction is fitted as one. The delay then moves by a part of the difference;
-//!   the residual is in the noise that the interval is made of, the shift is not.
+//!   the interval includes the residual, as noise, but not this shift.
 //! - **One period from the next.** Where a repeated command is cut at both ends, [`AlignmentError::Ambiguous`] says so.
 
 mod blocks;
@@ -388,7 +388,7 @@ fn refined(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution
 fn whitened(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution> {
     problem.color.clear();
     let mut solution = minimize(problem, start, LIMITS)?;
-    // Chosen: the second color is that of the residual of a whitened fit, free of the bias of the first one; a third costs a fit more.
+    // Chosen: the second color is estimated from the residual of a whitened fit, free of the bias of the first one; a third costs a fit more.
     for _ in 0..2 {
         let at = solution.parameters.clone();
         let mut residuals = vec![0.0; problem.count()];

@@ -41,7 +41,7 @@ fn degrees_of_freedom(powers: impl Iterator<Item = f64>, samples: f64) -> f64 {
     if squares > 0.0 { 2.0 * sum * sum / (squares * samples / (samples + 1.0)) } else { f64::INFINITY }
 }
 
-/// What of a residual does not repeat from period to period.
+/// The part of a residual that does not repeat from period to period.
 ///
 /// What the model gets wrong repeats and cancels, as does a response that the period has settled to; drift counts as
 /// noise.
@@ -52,7 +52,7 @@ pub(super) struct PeriodNoise {
 }
 
 impl PeriodNoise {
-    /// Of a residual with this many rows in a period; `None` with fewer than two whole periods.
+    /// From a residual of `length` rows per period; `None` with fewer than two whole periods.
     pub(super) fn estimate(residual: &[f64], length: usize) -> Option<Self> {
         let periods: Vec<&[f64]> = residual.chunks_exact(length).collect();
         if periods.len() < 2 {
@@ -77,7 +77,7 @@ impl PeriodNoise {
         Some(Self { variance, residual_power })
     }
 
-    /// The part of the residual that repeats, beside the noise of the mean over periods.
+    /// Power of the part of the residual that repeats over that of the noise in the mean over periods.
     pub(super) fn residual_power(&self) -> Option<ResidualPower> {
         self.residual_power
     }
@@ -117,8 +117,8 @@ impl LevelNoise {
         (rows > 0).then(|| Self { variance: sum / rows as f64, dof, settled })
     }
 
-    /// The residual of rows of the record, beside the noise: of those on which the levels were not measured, so that
-    /// the two are independent. `None` where there are none.
+    /// Power of the residual over that of the noise, on the rows on which the levels were not measured, so that the two are
+    /// independent. `None` where there are none.
     pub(super) fn residual_power(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<ResidualPower> {
         let is_settled = |row: usize| self.settled.iter().any(|rows| rows.contains(&row));
         let (mut sum, mut rows) = (0.0, 0.0);

@@ -1,9 +1,9 @@
 //! Does the model leave more than noise?
 //!
-//! What the true model leaves has the noise's power. The ratio of the two is compared with what chance gives: F, its degrees
-//! of freedom those of the noise as the record shows it, which colored noise has fewer of than rows. The model's own
-//! parameters count as known; those of a fit to as many data raise the ratio by as little as their number over
-//! that of the degrees of freedom.
+//! The residual of the true model has the noise's power. The power ratio of the two follows an F distribution if the model is true.
+//! The degrees of freedom are the effective ones of the noise, as the record shows it: fewer than the rows if it is colored. The
+//! model's own parameters count as known; those of a fit to as many data raise the ratio by as little as their number over that of the
+//! degrees of freedom.
 
 use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
@@ -22,7 +22,7 @@ pub struct ResidualPower {
 }
 
 impl ResidualPower {
-    /// `residual` and `noise` are mean powers of independent numbers, these their degrees of freedom; `None` where the noise does
+    /// From the mean powers `residual` and `noise` of independent numbers, with their degrees of freedom; `None` where the noise does
     /// not show.
     pub(super) fn compute(residual: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
         let power_ratio = power_over_noise(residual / noise)?;

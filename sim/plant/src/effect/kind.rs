@@ -91,7 +91,7 @@ pub enum Linearity {
     Mean,
     /// The response is that for small deviations from the nominal command.
     SmallSignal,
-    /// It has none that the amplitude or time would not change. Behind the rotor: its steady response drifts with the time in a record.
+    /// It has none: amplitude or time would change it. Behind the rotor: its steady response drifts with the time in a record.
     Absent,
 }
 
@@ -113,7 +113,7 @@ pub enum Shows {
     OverLevels,
 }
 
-/// What a residual says of where the values of a kind may lie, beyond its starts and plausible ranges.
+/// What a residual tells of the values of a kind, beyond its starts and plausible ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Search {
     /// Nothing.

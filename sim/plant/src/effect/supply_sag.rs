@@ -156,8 +156,8 @@ impl SupplySag {
     }
 }
 
-/// The steady speed where a part of the drive is lost that grows with the speed, and `nominal_part` of it is left where the model
-/// holds.
+/// The steady speed where a part of the drive is lost, more of it at a higher speed: `part` returns the share that is left at a speed,
+/// and `nominal_part` is left where the model holds.
 pub(super) fn speed_at_rest(drive: f64, nominal_part: f64, part: impl Fn(f64) -> f64) -> f64 {
     // The drive falls with the speed, so there is one speed at which both are equal.
     let (mut low, mut high) = (0.0, drive.max(0.0) / nominal_part);

@@ -14,7 +14,7 @@ pub struct AcceptedRange {
     pub least: f64,
     /// The greatest one, likewise.
     pub greatest: f64,
-    /// Why there is nothing beyond; the end of what is said of a number that is.
+    /// Why the range ends there; appended to the help of the error message.
     pub reason: &'static str,
 }
 

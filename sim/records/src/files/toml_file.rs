@@ -81,7 +81,8 @@ impl TomlFile {
         !path.is_dir() && path.extension().is_some_and(|end| end == "toml")
     }
 
-    /// What is wrong with a file without settings that is not called as if it had some, where `T` is a kind that people know.
+    /// The error for a log given where a TOML file is expected. `None` if the path is no file, the file is called `*.toml`, or `T` is no
+    /// known file kind.
     fn log<T: DeserializeOwned>(path: &Path) -> Option<FileError> {
         if !path.is_file() || Self::is_called_so(path) {
             return None;

@@ -282,6 +282,6 @@ fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
         };
         squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
     }
-    // The median: where the command jumps no parabola fits. Of a chi-square of 6 it is 0.891 of the mean.
+    // The median: where the command jumps no parabola fits. That of a chi-square of 6 degrees of freedom is 0.891 of the mean.
     median(squares).map_or(0.0, |median| (median / 0.891).sqrt())
 }

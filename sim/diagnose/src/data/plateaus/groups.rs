@@ -29,7 +29,7 @@ pub(crate) struct Group {
     pub split: Split,
 }
 
-/// What a record that does not repeat has beside the rest of a dataset.
+/// The groups of a record that does not repeat, with its rows.
 #[derive(Clone, Debug)]
 pub(crate) struct LogGroups {
     /// Its groups, which follow each other.

@@ -2,12 +2,12 @@
 //!
 //! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
-use host_tests::real_log;
 use rotorlead_diagnose::{Diagnosis, Lateness, Options, Verdict, diagnose};
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::Catalog;
 use rotorlead_plant::effect::{ActiveEffect, Parameter};
 use rotorlead_records::import::{ImportOptions, import};
+use rotorlead_records::shared_data::real_log;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 fn diagnosed(name: &str) -> Option<Diagnosis> {
@@ -49,7 +49,7 @@ fn print(name: &str, found: &Diagnosis) {
 /// What holds of every log. `log` is what docs/diagnosis.md calls it, `names` is what is named, the most valuable first, and
 /// `least_percent` the fit on all steps.
 fn check(found: &Diagnosis, log: &str, names: &[&str], least_percent: f64) {
-    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/diagnosis.md")).unwrap();
+    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/diagnosis.md")).unwrap();
     for row in rows_of_docs(found, log) {
         assert!(docs.lines().any(|line| has_figures(line, &row)), "docs/diagnosis.md has no row\n{row}");
     }

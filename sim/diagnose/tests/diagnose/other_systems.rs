@@ -1,6 +1,6 @@
 //! The diagnosis on records of systems that are no motors, whose physics is known: benchmarks of nonlinear identification.
 //!
-//! Where they are looked for, and what happens without them, is said at [`real_log`](host_tests::real_log).
+//! Where they are looked for, and what happens without them, is said at [`real_log`](rotorlead_records::shared_data::real_log).
 
 use rotorlead_diagnose::{Diagnosis, Gap, Options, Verdict, diagnose};
 use rotorlead_plant::Catalog;
@@ -12,7 +12,9 @@ fn experiment(names: &[&str], slower: f64) -> Option<Experiment> {
     let mut all: Option<Experiment> = None;
     for name in names {
         let options = ImportOptions { excitation: Some(Excitation::Free), ..ImportOptions::default() };
-        let mut log = import(&host_tests::data(&format!("outside/{name}.csv"))?, &options).unwrap().experiment;
+        let mut log = import(&rotorlead_records::shared_data::data(&format!("outside/{name}.csv"))?, &options)
+            .unwrap()
+            .experiment;
         log.records[0].time_s.iter_mut().for_each(|time_s| *time_s *= slower);
         log.sample_rate_hz = log.sample_rate_hz.map(|rate_hz| rate_hz / slower);
         match &mut all {
