@@ -22,8 +22,8 @@ use filter::RunningFilter;
 ///   filter, and loses at once whatever a limit cuts off. In steady state a lead makes no difference, and switching
 ///   changes no output bit; an inverse makes one of at most half a step of its output, 2^-17.
 /// - **Bypass.** The output is the input, clamped. When a lead is switched in again it starts at rest at the last input,
-///   however long it was bypassed, and with a slew limit from the last output. The error of this initial condition decays with the filter's poles: 15 ms for the
-///   paper's compensator. An inverse starts with the state of a rotor that got the outputs meanwhile.
+///   however long it was bypassed, and with a slew limit from the last output. The error of this initial condition decays with the
+///   filter's poles: 15 ms for the paper's compensator. An inverse starts with the state of a rotor that got the outputs meanwhile.
 /// - **Range.** Where the curve of an inverse is not known it is bypassed, and switched in again when the command returns.
 ///
 /// # Examples

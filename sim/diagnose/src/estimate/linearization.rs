@@ -210,7 +210,8 @@ impl Linearization {
     pub fn follow(&self, hypothesis: &Hypothesis, sum: f64, gradient: &DVector<f64>) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, gradient, &floored_diagonal(&self.matrix), 1e-9)?;
         let chi_square = sum + gradient.dot(&step);
-        // The linearization holds only nearby: up to half a range, or a factor of 1.6. The damping of 1e-9 only lets the matrix be inverted.
+        // The linearization holds only nearby: up to half a range, or a factor of 1.6. The damping of 1e-9 only makes the matrix
+        // invertible.
         Some((chi_square, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }

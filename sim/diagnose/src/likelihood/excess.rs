@@ -47,7 +47,7 @@ impl Excess {
         self.significance() < SIGNIFICANT || self.sum < NOISE * self.expected
     }
 
-    /// Whether it is so little more that a story which many others look like may be believed.
+    /// Whether it is little enough for an explanation that is easily confused with many others to be accepted.
     #[must_use]
     pub fn is_surely_noise(&self) -> bool {
         self.significance() < SUSPICIOUS || self.sum < NOISE * self.expected

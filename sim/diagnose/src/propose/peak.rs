@@ -1,4 +1,4 @@
-//! Modes of the stand: the gain on a residual at every frequency and damping at once.
+//! Modes of the stand: the gain that a residual promises at every frequency and damping.
 //!
 //! A link behind the motor that is linear and has the size `a` answers with `1 + a h(f)`. It leaves `a h_k y_k` in the white
 //! residual `z_k` of a model without it, with `y` the white response of that model. Far below its peak that is much like

@@ -6,8 +6,8 @@
 //! 1. the logs as they are: commands stand until the next row, responses have gaps (`logs`);
 //! 2. correlation over all shifts and some skews says where to begin (`coarse`);
 //! 3. delay, skew and a first-order lag are fitted together (`problem`), so that the lag is not taken for delay;
-//! 4. what is left says the color of the noise (`rotorlead_numerics::autoregression`), and the fit is done again on whitened rows: maximum likelihood,
-//!    with standard errors that hold for colored noise.
+//! 4. the residual shows the color of the noise (`rotorlead_numerics::autoregression`), and the fit is done again on whitened rows:
+//!    maximum likelihood, with standard errors that hold for colored noise.
 //!
 //! Where both logs have the response, it is what aligns them, without a lag; delay and skew then come from each second by itself
 //! (`blocks`).
@@ -388,7 +388,8 @@ fn refined(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution
 fn whitened(problem: &mut AlignmentProblem<'_>, start: &[f64]) -> Option<Solution> {
     problem.color.clear();
     let mut solution = minimize(problem, start, LIMITS)?;
-    // Chosen: the second color is estimated from the residual of a whitened fit, free of the bias of the first one; a third costs a fit more.
+    // Chosen: the second color is estimated from the residual of a whitened fit, free of the bias of the first one; a third costs one
+    // more fit.
     for _ in 0..2 {
         let at = solution.parameters.clone();
         let mut residuals = vec![0.0; problem.count()];

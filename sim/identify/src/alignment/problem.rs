@@ -24,7 +24,8 @@ use super::logs::DriveKind;
 
 pub(super) const DELAY: usize = 0;
 const OFFSET: usize = 1;
-/// The first of the gains. Behind the last are the skew, the logarithm of the time constant, and the initial condition, each where it is fitted.
+/// Index of the first gain. The last gain is followed by the skew, the logarithm of the time constant and the initial condition, each only
+/// where it is fitted.
 pub(super) const GAIN: usize = 2;
 /// Highest power of the command. Chosen: thrust goes with the square, and a cubic takes its bend; a delay needs no better map.
 pub(super) const MOST_POWERS: usize = 3;

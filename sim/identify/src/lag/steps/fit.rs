@@ -383,8 +383,8 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
                 if weight == 0.0 {
                     continue;
                 }
-                // Leverage: the share by which a row's pull on the fit lowers its squared residual. Chosen: at most 0.9, so that no row counts
-                // more than tenfold.
+                // Leverage: the share by which a row's pull on the fit lowers its squared residual. Chosen: at most 0.9, so that no
+                // row counts more than tenfold.
                 let j = block.row(row);
                 let leverage = local.as_ref().map_or(0.0, |u| (j * u * j.transpose())[(0, 0)]).clamp(0.0, 0.9);
                 let (left, steep) = (residuals[row].powi(2) / (1.0 - leverage) - 1.0, (slope[row] * weight).powi(2));
