@@ -327,7 +327,7 @@ fn what_is_no_log_is_refused() {
         (header.as_bytes(), &["0 usable row(s)", "recording"]),
         (
             b"\x7fELF\x02\x01\x00\xff\xfe\x80garbage",
-            &["line 1: the byte 0x7f belongs in no text", "export it as one of these"],
+            &["line 1: the byte 0x00 belongs in no text", "export it as one of these"],
         ),
     ] {
         let stand = Stand::new();
