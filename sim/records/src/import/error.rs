@@ -98,6 +98,15 @@ pub enum ImportError {
         /// Rows taken.
         rows: usize,
     },
+    /// The first motor stands still, and several others move.
+    #[error("{}: motor 1 stands still, and motors {motors} move", file.display())]
+    #[diagnostic(help("say which one to take, as in `--motor 2`"))]
+    SeveralMotors {
+        /// The log.
+        file: PathBuf,
+        /// Their numbers, from 1.
+        motors: String,
+    },
     /// There are no rows of numbers.
     #[error("{}: no known log format, and no table: no line of it has two numbers. It begins with: {header}", file.display())]
     #[diagnostic(help("known: {}. Export the log again as one of them", LogFormat::titles()))]

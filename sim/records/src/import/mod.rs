@@ -104,6 +104,8 @@ const MIN_STEADY_POINTS: usize = 4;
 const LONGEST_INTERVAL_S: f64 = 10.0;
 /// A recording that lasts longer is in another unit of time: a day, seconds.
 const LONGEST_RECORD_S: f64 = 86_400.0;
+/// Motors that a vehicle may have. Standard: ArduPilot's and PX4's frames have at most twelve.
+const MOST_MOTORS: usize = 12;
 /// Bytes of the longest log, which is read whole.
 const LONGEST_LOG: u64 = 1_000_000_000;
 
@@ -140,7 +142,39 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
-    take(file, bytes, options)?.into_import(file, options)
+    let taken = take(file, bytes, options)?;
+    let may_be_another = taken.summary.format.has_motors && options.motor.is_none();
+    match taken.into_import(file, options) {
+        Err(ImportError::ConstantCommand { command, rows, .. }) if may_be_another => {
+            take_moving_motor(file, bytes, options, ImportError::ConstantCommand { file: file.into(), command, rows })
+        }
+        imported => imported,
+    }
+}
+
+/// Takes the motor that moves where the first one, which was not asked for, stands still; the error `still` where none does.
+fn take_moving_motor(
+    file: &Path,
+    bytes: &[u8],
+    options: &ImportOptions,
+    still: ImportError,
+) -> Result<Import, ImportError> {
+    let taken = |motor: usize| {
+        let options = ImportOptions { motor: Some(motor), ..options.clone() };
+        Some((motor, take(file, bytes, &options).ok()?.into_import(file, &options).ok()?))
+    };
+    let mut moving: Vec<(usize, Import)> = (2..=MOST_MOTORS).filter_map(taken).collect();
+    match (moving.pop(), &moving[..]) {
+        (None, _) => Err(still),
+        (Some((motor, mut import)), []) => {
+            import.summary.notes.push(format!("motor 1 stands still: taken is motor {motor}, the only one that moves"));
+            Ok(import)
+        }
+        (Some((last, _)), others) => {
+            let motors = others.iter().map(|(motor, _)| *motor).chain([last]).map(|motor| motor.to_string());
+            Err(ImportError::SeveralMotors { file: file.into(), motors: motors.collect::<Vec<_>>().join(", ") })
+        }
+    }
 }
 
 /// Takes a log as the first format that recognizes it.

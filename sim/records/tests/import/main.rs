@@ -1,6 +1,7 @@
 //! Logs of other tools, taken as experiments. One program, since each takes seconds to link.
 
 mod blackbox;
+mod cases;
 mod dataflash;
 mod importing;
 mod known;
