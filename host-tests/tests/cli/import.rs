@@ -177,7 +177,7 @@ fn what_import_cannot_know_or_do_is_refused() {
             2,
             &["multisine, square, triangle, step, staircase, chirp, steady, free"],
         ),
-        (format!("{log} --column time=t:gf --out bench"), 2, &["`gf` is no unit of time: s, ms, us or clock"]),
+        (format!("{log} --column time=t:gf --out bench"), 2, &["`gf` is no unit of time: s, ms, us, ns or clock"]),
         (format!("{log} --column time=a:s --column time=b:s --out bench"), 2, &["says twice which column is the time"]),
         (format!("{log} --column time=a:s --column rpm=a:rpm --out bench"), 2, &["`a` is both the time and the rpm"]),
         (format!("{log} --column rpm=speed:rpm --out bench"), 1, &["there is no column `speed`", "`Thrust [g]`"]),

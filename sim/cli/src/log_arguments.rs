@@ -25,9 +25,9 @@ use rotorlead_answer::words::{remark, width, wrapped};
 pub struct LogArguments {
     /// What a column is, as in --column time=t:ms; once for each quantity
     ///
-    /// QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent, dshot or duty), thrust (N, gf, kgf, lbf or ozf), rpm
-    /// (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA). A minus before the unit turns the sign: thrust=load:-gf. Rows in which
-    /// such a column is blank are left out.
+    /// QUANTITY is time (UNIT s, ms, us, ns or clock: hh:mm:ss), command (us, percent, dshot, duty, or whole numbers as 0..255, 0..1023,
+    /// 0..4095, 0..8191 or 0..65535), thrust (N, gf, kgf, lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA). A
+    /// minus before the unit turns the sign: thrust=load:-gf. Rows in which such a column is blank are left out.
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
     /// Subtract the mean thrust at rest, of the rows at zero command before the run or else after it

@@ -376,7 +376,7 @@ impl Said {
             Some(quantity) => quantity,
             None => in_name.as_deref().filter(|_| base.is_empty()).and_then(named_by_unit)?,
         };
-        let written = in_name.or_else(|| below(plain, index));
+        let written = in_name.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index));
         let unit = written.as_deref().and_then(|written| Unit::named(quantity, written));
         // `motor` alone may be anything of a motor.
         (quantity != Quantity::Speed || unit.is_some() || base.contains("speed") || base == "rpm")
@@ -393,9 +393,14 @@ fn named_by_unit(unit: &str) -> Option<Quantity> {
     }
 }
 
-/// The unit that is written in a column's name, or below it.
+/// The unit that is written in a column's name, below it, or behind its numbers.
 fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
-    split(&plain.table.header[index]).1.or_else(|| below(plain, index))
+    split(&plain.table.header[index]).1.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index))
+}
+
+/// The unit behind its numbers.
+fn behind_numbers(plain: &PlainTable<'_>, index: usize) -> Option<String> {
+    Some(plain.table.unit_behind_numbers(index)).filter(|unit| !unit.is_empty())
 }
 
 /// The unit in the line of units.
@@ -538,7 +543,7 @@ mod tests {
         for part in [
             "`t`, `esc_us`, `load`",
             "--column time=t:UNIT --column thrust=HEADER:UNIT",
-            "time in s, ms, us or clock (hh:mm:ss)",
+            "time in s, ms, us, ns or clock (hh:mm:ss)",
         ] {
             assert!(help.contains(part), "{help}");
         }

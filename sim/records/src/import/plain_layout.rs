@@ -7,7 +7,7 @@ use csv::StringRecord;
 
 use super::ImportError;
 use super::quantity::Unit;
-use super::table::Table;
+use super::table::{Table, without_unit};
 
 /// Separators, the likeliest first: a comma may be a decimal mark, a semicolon may stand in a remark.
 const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
@@ -157,6 +157,7 @@ fn cells(line: &str, separator: u8) -> Vec<String> {
 }
 
 fn is_number(cell: &str, separator: u8) -> bool {
+    let (cell, _) = without_unit(cell);
     let parsed = if separator == b',' { cell.parse() } else { cell.replacen(',', ".", 1).parse() };
     parsed.is_ok_and(f64::is_finite)
 }

@@ -64,8 +64,10 @@ impl Quantity {
     /// Its units, as messages list them.
     pub(super) fn units(self) -> &'static str {
         match self {
-            Self::Time => "s, ms, us or clock (hh:mm:ss)",
-            Self::Command => "us (pulse width), percent, dshot or duty (0..1)",
+            Self::Time => "s, ms, us, ns or clock (hh:mm:ss)",
+            Self::Command => {
+                "us (pulse width), percent, dshot, duty (0..1), 0..255, 0..1023, 0..4095, 0..8191 or 0..65535"
+            }
             Self::Thrust => "N, gf (also g), kgf (also kg), lbf (also lb) or ozf (also oz)",
             Self::Speed => "rpm, rev/s or rad/s",
             Self::Voltage => "V or mV",
@@ -154,11 +156,18 @@ const UNITS: &[Unit] = &[
     unit(Quantity::Time, Scale::Ratio(1.0, 1.0), &["s", "sec", "secs", "second", "seconds"]),
     unit(Quantity::Time, Scale::Ratio(1.0, 1e3), &["ms", "msec", "millisecond", "milliseconds", "millis"]),
     unit(Quantity::Time, Scale::Ratio(1.0, 1e6), MICRO),
+    unit(Quantity::Time, Scale::Ratio(1.0, 1e9), &["ns", "nsec", "nanosecond", "nanoseconds", "nanos"]),
     unit(Quantity::Time, Scale::Clock, &["clock", "hh:mm:ss", "h:m:s", "hh:mm:ss.sss", "hh:mm:ss.ms"]),
     unit(Quantity::Command, Scale::Pulse, MICRO),
     unit(Quantity::Command, Scale::Ratio(1.0, 100.0), &["percent", "%", "pct"]),
     unit(Quantity::Command, Scale::Dshot, &["dshot"]),
     unit(Quantity::Command, Scale::Ratio(1.0, 1.0), &["duty", "0..1", "0-1"]),
+    // Whole numbers of eight to sixteen bits; DroneCAN's commands have fourteen, of which one is a sign.
+    unit(Quantity::Command, Scale::Ratio(1.0, 255.0), &["0..255", "0-255"]),
+    unit(Quantity::Command, Scale::Ratio(1.0, 1023.0), &["0..1023", "0-1023"]),
+    unit(Quantity::Command, Scale::Ratio(1.0, 4095.0), &["0..4095", "0-4095"]),
+    unit(Quantity::Command, Scale::Ratio(1.0, 8191.0), &["0..8191", "0-8191"]),
+    unit(Quantity::Command, Scale::Ratio(1.0, 65_535.0), &["0..65535", "0-65535"]),
     unit(Quantity::Thrust, Scale::Ratio(1.0, 1.0), &["N", "newton", "newtons"]),
     unit(Quantity::Thrust, Scale::Ratio(N_PER_GF, 1.0), &["gf", "g", "gram", "grams"]),
     unit(Quantity::Thrust, Scale::Ratio(1e3 * N_PER_GF, 1.0), &["kgf", "kg"]),

@@ -10,6 +10,7 @@ use csv::ByteRecord;
 use memchr::memchr_iter;
 
 use super::ImportError;
+use super::quantity::Unit;
 
 /// A table in memory: trimmed header names, and the text of its rows.
 pub(super) struct Table<'a> {
@@ -93,7 +94,8 @@ const BLANKS: [&str; 16] = [
 ];
 
 impl Cell {
-    fn parse(text: &[u8], comma: Comma) -> Self {
+    /// `unit` is what stands behind each number of the column.
+    fn parse(text: &[u8], comma: Comma, unit: &str) -> Self {
         if let Ok(value) = fast_float2::parse::<f64, _>(text)
             && value.is_finite()
         {
@@ -102,6 +104,17 @@ impl Cell {
         let text = String::from_utf8_lossy(text).to_lowercase();
         if BLANKS.contains(&text.trim_start_matches(['-', '+'])) {
             return Self::Blank;
+        }
+        let text = match without_unit(&text) {
+            (number, "") => number.to_owned(),
+            (number, found) if found == unit => number.to_owned(),
+            _ => return Self::Text,
+        };
+        if !unit.is_empty()
+            && let Ok(value) = text.parse::<f64>()
+            && value.is_finite()
+        {
+            return Self::Number(value);
         }
         let text = match comma {
             Comma::Wrong => return Self::Text,
@@ -113,6 +126,13 @@ impl Cell {
         };
         text.parse().ok().filter(|value: &f64| value.is_finite()).map_or(Self::Text, Self::Number)
     }
+}
+
+/// A number's text, and the unit that stands behind it, empty where there is none: `30%`, `0.005 sec`.
+pub(super) fn without_unit(text: &str) -> (&str, &str) {
+    let end = text.rfind(|c: char| c.is_ascii_digit() || c == '.').map_or(0, |last| last + 1);
+    let (number, unit) = (&text[..end], text[end..].trim());
+    if !number.is_empty() && Unit::is_any(unit) { (number, unit) } else { (text, "") }
 }
 
 /// What the commas of a number may be, as far as it says.
@@ -202,6 +222,12 @@ impl<'a> Table<'a> {
         self.at(index, |row| row.line).unwrap_or(0)
     }
 
+    /// The unit behind the first number of a column, in small letters; empty where there is none. All others need the same.
+    pub(super) fn unit_behind_numbers(&self, column: usize) -> String {
+        let unit = |text: &str| (!text.is_empty()).then(|| without_unit(text).1.to_lowercase());
+        self.first(|row| unit(row.text(column))).unwrap_or_default()
+    }
+
     /// The numbers of each of `columns`, row by row; NaN where a cell is blank.
     pub(super) fn numbers(&self, columns: &[(usize, CellFormat)]) -> Result<Vec<Vec<f64>>, ImportError> {
         let lines = memchr_iter(b'\n', self.text.as_bytes()).count() + 1;
@@ -209,10 +235,11 @@ impl<'a> Table<'a> {
         for values in &mut numbers {
             values.reserve_exact(lines);
         }
+        let units: Vec<String> = columns.iter().map(|&(column, _)| self.unit_behind_numbers(column)).collect();
         self.each(|row| {
-            for (values, &(column, reading)) in numbers.iter_mut().zip(columns) {
+            for ((values, &(column, reading)), unit) in numbers.iter_mut().zip(columns).zip(&units) {
                 let cell = match reading {
-                    CellFormat::Decimal => Cell::parse(row.bytes(column), self.comma),
+                    CellFormat::Decimal => Cell::parse(row.bytes(column), self.comma, unit),
                     CellFormat::Clock => match seconds_since_midnight(row.text(column)) {
                         Some(seconds) => Cell::Number(seconds),
                         None if row.text(column).is_empty() => Cell::Blank,
@@ -256,7 +283,7 @@ impl<'a> Table<'a> {
         let (mut thousands, mut decimal, mut points, mut either) = (false, false, false, None);
         let seen: Result<(), ImportError> = self.each(|row| {
             for &column in columns {
-                let text = row.text(column);
+                let (text, _) = without_unit(row.text(column));
                 match Grouping::parse(text) {
                     Some(Grouping::Sure) => thousands = true,
                     Some(Grouping::Not) => decimal = true,
@@ -295,6 +322,8 @@ pub(super) fn seconds_since_midnight(text: &str) -> Option<f64> {
         Some(_) => return None,
         None => text,
     };
+    // Its zone is that of all rows.
+    let time = time.find(['Z', 'z', '+', '-']).map_or(time, |zone| &time[..zone]);
     let mut parts = time.split(':');
     let (hours, minutes, seconds) = (parts.next()?, parts.next()?, parts.next()?);
     let whole = |text: &str, most: u32| {
@@ -321,6 +350,10 @@ mod tests {
             ("2026-11-22 23:59:59.999", 86_399.999),
             ("2026-11-22T01:00:00", 3600.0),
             ("22.11.2026 01:00:00", 3600.0),
+            ("2026-11-22T01:00:00.5Z", 3600.5),
+            ("2026-11-22T01:00:00+00:00", 3600.0),
+            ("2026-11-22 01:00:00.25-05:00", 3600.25),
+            ("01:00:00+0200", 3600.0),
         ] {
             let found = seconds_since_midnight(text).unwrap();
             assert!((found - seconds).abs() < 1e-9, "{text}: {found}");
@@ -348,17 +381,34 @@ mod tests {
         ] {
             assert_eq!(Grouping::parse(text), expected, "{text}");
         }
-        assert_eq!(Cell::parse(b"1,234,567", Comma::Thousands), Cell::Number(1_234_567.0));
-        assert_eq!(Cell::parse(b"1,5", Comma::Decimal), Cell::Number(1.5));
-        assert_eq!(Cell::parse(b"1,5", Comma::Thousands), Cell::Text);
-        assert_eq!(Cell::parse(b"1,5", Comma::Wrong), Cell::Text);
+        assert_eq!(Cell::parse(b"1,234,567", Comma::Thousands, ""), Cell::Number(1_234_567.0));
+        assert_eq!(Cell::parse(b"1,5", Comma::Decimal, ""), Cell::Number(1.5));
+        assert_eq!(Cell::parse(b"1,5", Comma::Thousands, ""), Cell::Text);
+        assert_eq!(Cell::parse(b"1,5", Comma::Wrong, ""), Cell::Text);
+    }
+
+    #[test]
+    fn a_unit_behind_a_number_is_that_of_its_column() {
+        for (text, unit, expected) in [
+            ("30%", "%", Cell::Number(30.0)),
+            ("0.005 sec", "sec", Cell::Number(0.005)),
+            ("1200RPM", "rpm", Cell::Number(1200.0)),
+            ("-1.5e1 N", "n", Cell::Number(-15.0)),
+            ("30", "%", Cell::Number(30.0)),
+            ("500 ms", "s", Cell::Text),
+            ("30%", "", Cell::Text),
+            ("3 apples", "", Cell::Text),
+        ] {
+            assert_eq!(Cell::parse(text.as_bytes(), Comma::Wrong, unit), expected, "{text}");
+        }
+        assert_eq!(Cell::parse(b"1,5 V", Comma::Decimal, "v"), Cell::Number(1.5));
     }
 
     #[test]
     fn words_for_no_number_are_blanks() {
         for text in ["", "NaN", "-nan", "inf", "-Infinity", "N/A", "#N/A", "null", "-1.#IND", "1e999"] {
             let expected = if text == "1e999" { Cell::Text } else { Cell::Blank };
-            assert_eq!(Cell::parse(text.as_bytes(), Comma::Wrong), expected, "{text}");
+            assert_eq!(Cell::parse(text.as_bytes(), Comma::Wrong, ""), expected, "{text}");
         }
     }
 }
