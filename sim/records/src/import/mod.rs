@@ -159,20 +159,22 @@ fn take_moving_motor(
     options: &ImportOptions,
     still: ImportError,
 ) -> Result<Import, ImportError> {
+    // One at a time, so that memory stays that of one.
     let taken = |motor: usize| {
         let options = ImportOptions { motor: Some(motor), ..options.clone() };
-        Some((motor, take(file, bytes, &options).ok()?.into_import(file, &options).ok()?))
+        take(file, bytes, &options).and_then(|taken| taken.into_import(file, &options))
     };
-    let mut moving: Vec<(usize, Import)> = (2..=MOST_MOTORS).filter_map(taken).collect();
-    match (moving.pop(), &moving[..]) {
-        (None, _) => Err(still),
-        (Some((motor, mut import)), []) => {
+    let moving: Vec<usize> = (2..=MOST_MOTORS).filter(|motor| taken(*motor).is_ok()).collect();
+    match moving[..] {
+        [] => Err(still),
+        [motor] => {
+            let mut import = taken(motor)?;
             import.summary.notes.push(format!("motor 1 stands still: taken is motor {motor}, the only one that moves"));
             Ok(import)
         }
-        (Some((last, _)), others) => {
-            let motors = others.iter().map(|(motor, _)| *motor).chain([last]).map(|motor| motor.to_string());
-            Err(ImportError::SeveralMotors { file: file.into(), motors: motors.collect::<Vec<_>>().join(", ") })
+        _ => {
+            let motors = moving.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            Err(ImportError::SeveralMotors { file: file.into(), motors })
         }
     }
 }

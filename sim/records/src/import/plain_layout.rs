@@ -122,14 +122,17 @@ struct FirstRow {
 }
 
 impl FirstRow {
-    /// A line with so many numbers, or with nothing else where these are fewer; two at least.
+    /// A line with so many numbers, or with nothing else where these are fewer; two at least. Numbers with units count where a line has
+    /// nothing else: above a table stands what the supply had.
     fn find(text: &str, least: usize) -> Option<Self> {
         let mut offset = 0;
         for (line, content) in text.split_inclusive('\n').enumerate() {
             for separator in SEPARATORS.into_iter().filter(|separator| content.as_bytes().contains(separator)) {
                 let cells = cells(content, separator);
                 let numbers = cells.iter().filter(|cell| is_number(cell, separator)).count();
-                if numbers >= LEAST_NUMBERS && numbers >= least.min(cells.len()) {
+                let are_all = || cells.iter().all(|cell| is_number(without_unit(cell).0, separator));
+                let is_row = numbers >= LEAST_NUMBERS && numbers >= least.min(cells.len());
+                if is_row || (cells.len() >= LEAST_NUMBERS && are_all()) {
                     return Some(Self { separator, line, offset, cells: cells.len() });
                 }
             }
@@ -157,7 +160,6 @@ fn cells(line: &str, separator: u8) -> Vec<String> {
 }
 
 fn is_number(cell: &str, separator: u8) -> bool {
-    let (cell, _) = without_unit(cell);
     let parsed = if separator == b',' { cell.parse() } else { cell.replacen(',', ".", 1).parse() };
     parsed.is_ok_and(f64::is_finite)
 }

@@ -73,6 +73,12 @@ fn taken(text: impl AsRef<[u8]>, with: &str) -> Result<Import, ImportError> {
     imported(text.as_ref(), &options(with))
 }
 
+/// [`table`] with the unit of a column behind each of its numbers.
+fn units_behind() -> String {
+    let units = [" s", "us", " g", " RPM"];
+    table_text("time,pwm,thrust,speed", ",", |_, at, value| format!("{value}{}", units[at]))
+}
+
 /// Characters up to U+00FF but those from 0x80 to 0x9f are their own number.
 fn windows_1252(text: &str) -> Vec<u8> {
     text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect()
@@ -339,6 +345,8 @@ fn what_is_odd_and_means_one_thing_is_taken() {
         ("blanks around the cells", table().replace(',', " , ").into()),
         ("a line of units", table().replacen(HEADER, "time,pwm,thrust,speed\ns,us,g,rpm", 1).into()),
         ("lines above", format!("# motor 2\nrun 3, blue propeller\n\n{}", table()).into()),
+        ("a supply above", format!("blue propeller,14.8 V,20 A\n{}", table()).into()),
+        ("units behind the numbers", units_behind().into()),
         ("remarks behind", format!("{}\n# tau: 0.03\n# std: 0.002, \"all\n", table()).into()),
         ("blank lines", table().replace("\n1,", "\n\n,,,\n1,").into()),
         (
