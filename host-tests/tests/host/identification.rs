@@ -111,6 +111,7 @@ fn record(file: &str, nominal: f64, wave: &[f64], thrust_deviation: Vec<f64>) ->
         // Identification is around a static thrust that it must not see.
         thrust_n: Some(thrust_deviation.into_iter().map(|d| d + 8.0 * nominal).collect()),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

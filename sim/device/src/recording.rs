@@ -85,6 +85,7 @@ impl Recording {
         Ok(Record {
             time_s: (0..rows.len()).map(|row| row as f64 * row_s).collect(),
             command: commands(&self.before[rows.clone()]),
+            command_log: None,
             esc_command: template.compensated.then(|| commands(&self.after[rows.clone()])),
             thrust_n: sensors.thrust.map(thrust_n),
             rpm,
@@ -136,6 +137,7 @@ pub fn template(file: String, nominal: f64, excitation: Excitation, compensated:
         command: Vec::new(),
         thrust_n: None,
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

@@ -38,6 +38,7 @@ pub fn record(row_rate_hz: f64, period_s: Option<f64>, command: Vec<f64>, thrust
         command,
         thrust_n: Some(thrust_n),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::Experiment;
 use super::manifest::{Entry, MANIFEST, Manifest, place};
-use super::write::csv_parts;
+use super::write::record_files;
 use crate::files::{FileError, KeyPath, TextFile, TomlFile, all_or_nothing, to_toml, write_file, write_file_parts};
 
 /// What is added to the text of `experiment.toml`.
@@ -79,11 +79,12 @@ impl Experiment {
         self.check_appendable(folder)?;
         let path = folder.join(MANIFEST);
         let refused = |path: &Path, fault| FileError::refused(path, fault);
-        if let Some(record) = self.records.iter().find(|record| folder.join(&record.file).exists()) {
+        let names = self.records.iter().flat_map(|record| record_files(record).into_iter().map(|(name, _)| name));
+        if let Some(name) = names.into_iter().find(|name| folder.join(name).exists()) {
             let fault = KeyPath::root()
                 .key("record")
                 .fault("there is such a file in the experiment already", "rename the log: a record is named after it");
-            return Err(refused(&folder.join(&record.file), fault));
+            return Err(refused(&folder.join(name), fault));
         }
         let (there, file): (Manifest, _) = TomlFile::read(&path)?;
         let mut records = Vec::new();
@@ -117,7 +118,9 @@ impl Experiment {
         // The description last: what it names is there.
         all_or_nothing(|| {
             for record in &self.records {
-                write_file_parts(&folder.join(&record.file), csv_parts(record))?;
+                for (name, parts) in record_files(record) {
+                    write_file_parts(&folder.join(name), parts)?;
+                }
             }
             text.as_ref().map_or(Ok(()), |text| write_file(&path, text.as_bytes()))
         })
@@ -160,6 +163,7 @@ mod tests {
             command: vec![nominal, nominal, nominal + 0.1],
             thrust_n: Some(vec![1.0, 1.0, 1.5]),
             rpm: None,
+            command_log: None,
             esc_command: None,
             voltage_v: None,
             current_a: None,

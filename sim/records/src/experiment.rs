@@ -1,8 +1,11 @@
 //! The data every estimator works on.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+
+use super::CommandLog;
 
 /// Nominal commands closer than this are one. Chosen: above the rounding of decimals, far below a 12-bit command's step of 2.4e-4.
 pub const SAME_NOMINAL: f64 = 1e-6;
@@ -141,6 +144,8 @@ pub struct Record {
     pub time_s: Vec<f64>,
     /// Command before any compensator, 0..1; empty where it was logged apart.
     pub command: Vec<f64>,
+    /// The command on stamps of its own, where it was logged so; `command` is what the rows show of it ([`CommandLog::at_rows`]).
+    pub command_log: Option<CommandLog>,
     /// Thrust in newtons.
     pub thrust_n: Option<Vec<f64>>,
     /// Rotor speed in revolutions per minute.
@@ -161,5 +166,15 @@ impl Record {
             Output::ThrustN => self.thrust_n.as_deref(),
             Output::Rpm => self.rpm.as_deref(),
         }
+    }
+
+    /// When the command changes over some rows, seconds, and to what, by its own stamps. `None` where the rows say all that is known: no
+    /// such stamps, a column behind a compensator, or a command that moves all the time.
+    #[must_use]
+    pub fn command_changes(&self, rows: Range<usize>) -> Option<(Vec<f64>, Vec<f64>)> {
+        let log = self.command_log.as_ref()?;
+        let holds = !self.compensated && CommandLog::holds(self.excitation);
+        let times = self.time_s.get(rows).filter(|times| holds && !times.is_empty())?;
+        Some(log.changes(times[0], times[times.len() - 1]))
     }
 }

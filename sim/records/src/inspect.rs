@@ -123,7 +123,8 @@ impl Experiment {
 
 /// The CSV files that lie beside `experiment.toml` and are in no record, sorted.
 fn unnamed(folder: &Path, manifest: &Manifest) -> Vec<String> {
-    let named: BTreeSet<&str> = manifest.records.iter().map(|entry| entry.file.as_str()).collect();
+    let files = manifest.records.iter().flat_map(|entry| [Some(&entry.file), entry.command_file.as_ref()]);
+    let named: BTreeSet<&str> = files.flatten().map(String::as_str).collect();
     let Ok(entries) = folder.read_dir() else { return Vec::new() };
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> =

@@ -7,6 +7,7 @@
 mod append;
 mod clock;
 mod column;
+mod command_log;
 mod error;
 mod experiment;
 pub mod files;
@@ -30,6 +31,7 @@ pub mod shared_data;
 mod tests;
 
 pub use clock::SLOWEST_ROWS_S;
+pub use command_log::CommandLog;
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL};
 pub use finding::{Finding, Severity, Topic};

@@ -47,6 +47,8 @@ pub(super) enum CommandKind {
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
     pub(super) file: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) command_file: Option<String>,
     pub(super) nominal: f64,
     pub(super) excitation: Excitation,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -157,12 +159,15 @@ impl Manifest {
             if let Err(fault) = entry.check(&place(index)) {
                 faults.push((Some(index), fault));
             }
-            if !files.insert(&entry.file) {
-                let fault = place(index).key("file").fault(
-                    format!("`{}` is named twice", entry.file),
-                    "remove one of the two: the same data would count double",
-                );
-                faults.push((Some(index), fault));
+            let named = [("file", Some(&entry.file)), ("command_file", entry.command_file.as_ref())];
+            for (key, name) in named.into_iter().filter_map(|(key, name)| Some((key, name?))) {
+                if !files.insert(name) {
+                    let fault = place(index).key(key).fault(
+                        format!("`{name}` is named twice"),
+                        "remove one of the two: the same data would count double",
+                    );
+                    faults.push((Some(index), fault));
+                }
             }
         }
         faults
@@ -173,6 +178,7 @@ impl Entry {
     pub(super) fn from_record(record: &Record) -> Self {
         Self {
             file: record.file.clone(),
+            command_file: record.command_log.as_ref().map(|log| log.file.clone()),
             nominal: record.nominal,
             excitation: record.excitation,
             period_s: record.period_s,
@@ -185,6 +191,9 @@ impl Entry {
 
     fn check(&self, place: &KeyPath) -> Result<(), Fault> {
         plain(&self.file, place.key("file"))?;
+        if let Some(name) = &self.command_file {
+            plain(name, place.key("command_file"))?;
+        }
         place.key("nominal").accept(self.nominal)?;
         if let Some(period_s) = self.period_s {
             place.key("period_s").accept(period_s)?;
@@ -249,6 +258,7 @@ impl Entry {
             role: self.role,
             time_s: Vec::new(),
             command: Vec::new(),
+            command_log: None,
             thrust_n: None,
             rpm: None,
             esc_command: None,

@@ -7,7 +7,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
-use super::{Excitation, Experiment, LongRecord, Output, Record};
+use super::{CommandLog, Excitation, Experiment, LongRecord, Output, Record};
 use crate::files::{FileError, TextFile, TomlFile, checksum_of_files};
 
 impl Experiment {
@@ -45,8 +45,8 @@ impl Experiment {
         }
         let manifest = source.join(MANIFEST);
         let (described, _) = Manifest::parse(TextFile::read(&manifest).ok()?).ok()?;
-        let records = described.records.iter().map(|entry| source.join(&entry.file));
-        checksum_of_files([manifest].into_iter().chain(records))
+        let named = described.records.iter().flat_map(|entry| [Some(&entry.file), entry.command_file.as_ref()]);
+        checksum_of_files([manifest].into_iter().chain(named.flatten().map(|file| source.join(file))))
     }
 
     /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:
@@ -102,7 +102,7 @@ impl Experiment {
         let mut experiment = manifest.to_experiment();
         let is_long = |entry: &Entry| {
             let length = folder.join(&entry.file).metadata().map_or(0, |file| file.len());
-            entry.excitation == Excitation::Multisine && length > longest
+            entry.excitation == Excitation::Multisine && length > longest && entry.command_file.is_none()
         };
         let (long, short): (Vec<_>, Vec<_>) = manifest.records.into_iter().partition(is_long);
         let long = long
@@ -149,13 +149,31 @@ impl Experiment {
     ) -> Result<(Table, Record), FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
         let response = Column::for_output(self.output);
+        let is_in_rows = with_command && entry.command_file.is_none();
         let needed: &[Column] =
-            if with_command { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
+            if is_in_rows { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
         let mut table = Table::read(text, needed, kind)?;
+        let command_file = entry.command_file.clone().filter(|_| with_command);
         let mut record = entry.into_record();
         table.fill(&mut record);
+        if let Some(name) = command_file {
+            let log = read_own_stamps(folder, name, kind, record.time_s[0])?;
+            let command = log.at_rows(&record.time_s, record.excitation);
+            table.check_command(&record, &command, &log)?;
+            record.command = command;
+            record.command_log = Some(log);
+        }
         Ok((table, record))
     }
+}
+
+/// The command log of a record whose first row is at `first_s`.
+fn read_own_stamps(folder: &Path, name: String, kind: CommandKind, first_s: f64) -> Result<CommandLog, FileError> {
+    let text = TextFile::read(&folder.join(&name))?;
+    let mut table = Table::read(text, &[Column::TimeS, Column::Command], kind)?;
+    let (time_s, command) = (table.take(Column::TimeS), table.take(Column::Command));
+    table.check_begins(first_s, time_s[0])?;
+    Ok(CommandLog { file: name, time_s, command })
 }
 
 /// A command log as it is on disk.
@@ -222,7 +240,11 @@ pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileErr
 
 /// Shows a file that is named but not there where it is named.
 pub(super) fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
-    let named = [("file", Some(&entry.file)), ("compensator", entry.compensator.as_ref())];
+    let named = [
+        ("file", Some(&entry.file)),
+        ("command_file", entry.command_file.as_ref()),
+        ("compensator", entry.compensator.as_ref()),
+    ];
     for (key, name) in named {
         if let Some(path) = name.map(|name| folder.join(name))
             && !path.exists()

@@ -8,12 +8,13 @@ use miette::Diagnostic as _;
 
 use super::clock::{Clock, WrongClock};
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
+use super::command_log::{CommandLog, SAME_COMMAND};
 use super::error::short;
 use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Record, plain};
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
-use crate::files::{FileError, KeyPath, TextFile, TomlFile, did_you_mean};
+use crate::files::{FileError, KeyPath, TextFile, TomlFile, did_you_mean, shown};
 
 /// Bytes of the longest row: seven numbers with all the digits that anyone writes, quoted and with spaces.
 const LONGEST_ROW: usize = 10_000;
@@ -64,6 +65,30 @@ impl Table {
             Some(WrongClock { row, message, help }) => Err(self.cells.wrong_time(&self.text, row, message, help)),
             None => Ok(()),
         }
+    }
+
+    /// Refuses commands that contradict those of a command log, for which `expected` are what the rows have.
+    pub(super) fn check_command(&self, record: &Record, expected: &[f64], log: &CommandLog) -> Result<(), FileError> {
+        let mut rows = record.command.iter().zip(expected);
+        let Some(row) = rows.position(|(here, there)| (here - there).abs() > SAME_COMMAND) else { return Ok(()) };
+        let (here, there) = (shown(record.command[row]), shown(expected[row]));
+        let message = format!("the command is {here}, and `{}` has {there} at that time", log.file);
+        let help = "correct the one that is wrong, or leave the column out: the command is taken from that file";
+        Err(self.cells.wrong(Column::Command, &self.text, row + 1, message, help.into()))
+    }
+
+    /// Refuses a command log that begins after the rows that it drives.
+    pub(super) fn check_begins(&self, first_s: f64, begins_s: f64) -> Result<(), FileError> {
+        if begins_s <= first_s {
+            return Ok(());
+        }
+        let message = format!(
+            "the first command is at {} s, after the record's first row at {} s",
+            shown(begins_s),
+            shown(first_s)
+        );
+        let help = "begin it with the command that is in force at the first row";
+        Err(self.cells.wrong(Column::TimeS, &self.text, 1, message, help.into()))
     }
 
     /// Takes a column out; empty where it is not there.
@@ -175,7 +200,12 @@ impl Cells {
 
     /// An error at the time of row `row`, counted from one over the whole file, which `text` holds; its header is row zero.
     pub(super) fn wrong_time(&self, text: &TextFile, row: usize, message: String, help: String) -> FileError {
-        let index = self.index(Column::TimeS);
+        self.wrong(Column::TimeS, text, row, message, help)
+    }
+
+    /// The same in another column.
+    fn wrong(&self, column: Column, text: &TextFile, row: usize, message: String, help: String) -> FileError {
+        let index = self.index(column);
         let mut reader = reader(text);
         let mut cells = StringRecord::new();
         // A part after the first has no header.

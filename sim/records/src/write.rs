@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::clock::{Clock, WrongClock};
 use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
+use super::command_log::{CommandLog, SAME_COMMAND};
 use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
 use super::{Experiment, Record};
@@ -77,7 +78,9 @@ impl Experiment {
             .map_err(|(name, fault)| FileError::refused(&folder.destination().join(within(&name)), fault))?;
         folder.write(&within(MANIFEST), to_toml(&Manifest::from_experiment(self)).as_bytes())?;
         for record in &self.records {
-            folder.write_parts(&within(&record.file), csv_parts(record))?;
+            for (name, parts) in record_files(record) {
+                folder.write_parts(&within(name), parts)?;
+            }
         }
         Ok(())
     }
@@ -115,13 +118,10 @@ impl Experiment {
                     "give every column a value at every time",
                 ));
             }
-            let mut previous = None;
-            for (row, value) in values.iter().enumerate() {
-                column
-                    .accept(CommandKind::Duty, previous, *value)
-                    .map_err(|refusal| place(column).item(row).fault(refusal.message, refusal.help))?;
-                previous = Some(*value);
-            }
+            check_values(column, values, &place(column))?;
+        }
+        if let Some(log) = &record.command_log {
+            check_log(log, record)?;
         }
         if let Some(WrongClock { row, message, help }) = Clock::from_record(record).wrong() {
             return Err(place(Column::TimeS).item(row - 1).fault(message, help));
@@ -138,12 +138,58 @@ impl Experiment {
     }
 }
 
-/// The CSV text of a record, in parts: names and numbers, none of which needs quotes.
-pub(super) fn csv_parts(record: &Record) -> impl Iterator<Item = String> {
-    let columns: Vec<_> = Column::ALL.into_iter().filter_map(|column| Some((column, column.values(record)?))).collect();
+fn check_values(column: Column, values: &[f64], place: &KeyPath) -> Result<(), Fault> {
+    let mut previous = None;
+    for (row, value) in values.iter().enumerate() {
+        column
+            .accept(CommandKind::Duty, previous, *value)
+            .map_err(|refusal| place.item(row).fault(refusal.message, refusal.help))?;
+        previous = Some(*value);
+    }
+    Ok(())
+}
+
+/// What reading checks of a record's command log.
+fn check_log(log: &CommandLog, record: &Record) -> Result<(), Fault> {
+    let place = |column: Column| KeyPath::root().key("command_file").key(column.name());
+    let (rows, commands) = (log.time_s.len(), log.command.len());
+    if rows < LEAST_ROWS || commands != rows {
+        let message = format!("{rows} times and {commands} commands");
+        return Err(place(Column::TimeS).fault(message, "give two commands or more, each with its time"));
+    }
+    for (column, values) in [(Column::TimeS, &log.time_s), (Column::Command, &log.command)] {
+        check_values(column, values, &place(column))?;
+    }
+    if log.time_s[0] > record.time_s[0] {
+        let message = "the first command is after the record's first row";
+        let help = "begin it with the command that is in force at the first row";
+        return Err(place(Column::TimeS).item(0).fault(message, help));
+    }
+    let expected = log.at_rows(&record.time_s, record.excitation);
+    let mut rows = record.command.iter().zip(&expected);
+    rows.position(|(here, there)| (here - there).abs() > SAME_COMMAND).map_or(Ok(()), |row| {
+        let message = format!("the row has {}, and its command log {}", record.command[row], expected[row]);
+        let help = "take the rows' commands from the log: `CommandLog::at_rows`";
+        Err(KeyPath::root().key(Column::Command.name()).item(row).fault(message, help))
+    })
+}
+
+/// The files of a record: their names and texts, in parts.
+pub(super) fn record_files(record: &Record) -> Vec<(&str, Box<dyn Iterator<Item = String> + '_>)> {
+    let columns = Column::ALL.into_iter().filter_map(|column| Some((column, column.values(record)?))).collect();
+    let mut files: Vec<(&str, Box<dyn Iterator<Item = String>>)> = vec![(&record.file, Box::new(csv_parts(columns)))];
+    if let Some(log) = &record.command_log {
+        let columns = vec![(Column::TimeS, &log.time_s[..]), (Column::Command, &log.command)];
+        files.push((&log.file, Box::new(csv_parts(columns))));
+    }
+    files
+}
+
+/// The CSV text of columns: names and numbers, none of which needs quotes.
+fn csv_parts(columns: Vec<(Column, &[f64])>) -> impl Iterator<Item = String> {
     let names: Vec<_> = columns.iter().map(|(column, _)| column.name()).collect();
     let header = format!("{}\n", names.join(","));
-    let rows = record.time_s.len();
+    let rows = columns.first().map_or(0, |(_, values)| values.len());
     let parts = (0..rows).step_by(PART_ROWS).map(move |first| {
         let end = rows.min(first + PART_ROWS);
         let mut text = String::with_capacity((end - first) * columns.len() * CELL);

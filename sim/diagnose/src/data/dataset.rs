@@ -292,8 +292,10 @@ impl PreparedRecord {
         let time_s = &source.time_s[rows.clone()];
         let mean_command = mean(command);
         // A command that stays is not listed again.
-        let changes: Vec<usize> =
-            (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
+        let (command_s, changes) = source.command_changes(rows.clone()).unwrap_or_else(|| {
+            let is_change = |row: &usize| *row == 0 || command[*row] != command[row - 1];
+            (0..command.len()).filter(is_change).map(|row| (time_s[row], command[row])).unzip()
+        });
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0])).expect("a log has rows");
         Ok(Self {
             file: source.file.clone(),
@@ -302,8 +304,8 @@ impl PreparedRecord {
             nominal: source.nominal,
             excitation: source.excitation,
             amplitude: log.amplitude(command),
-            command_s: changes.iter().map(|&row| time_s[row]).collect(),
-            command: changes.iter().map(|&row| command[row]).collect(),
+            command_s: command_s.into(),
+            command: changes.into(),
             commands_per_row: 1,
             first_order_hold: Arc::default(),
             mean_command,

@@ -92,6 +92,7 @@ impl Log {
             command: still(self.command, 0.0),
             thrust_n: Some(thrust),
             rpm: columns.contains(&Column::Speed).then(|| still(rpm, 0.0)),
+            command_log: None,
             esc_command: None,
             voltage_v: columns.contains(&Column::Voltage).then(|| still(voltage, 16.0)),
             current_a: None,

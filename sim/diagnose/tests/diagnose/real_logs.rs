@@ -149,6 +149,7 @@ fn diagnosed_dshot(name: &str, without: Option<f64>) -> Option<Diagnosis> {
         command,
         thrust_n: None,
         rpm: Some(rpm),
+        command_log: None,
         esc_command: None,
         voltage_v: Some(voltage_v),
         current_a: Some(current_a),

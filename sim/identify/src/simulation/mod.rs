@@ -3,6 +3,7 @@
 pub mod periodic;
 
 use rotorlead_plant::{Actuator, CommandSignal, PlantError, Start, simulate_response};
+use rotorlead_records::Record;
 
 /// Response at the rows of `actuator` to the recorded `command` (0..1, one value per row of `time_s`, seconds,
 /// increasing), put to rest at the command of row `at_rest` (one of the rows) when it gets there.
@@ -28,6 +29,17 @@ pub fn run_actuator(actuator: &mut Actuator, time_s: &[f64], command: &[f64], at
     response
 }
 
+/// The same of a record, whose `command` is what the ESC got; by the stamps of the command's changes, where the record has them.
+#[must_use]
+pub fn run_record(actuator: &mut Actuator, record: &Record, command: &[f64], at_rest: usize) -> Vec<f64> {
+    let rows = at_rest..record.time_s.len();
+    let Some((time_s, changes)) = record.command_changes(rows.clone()) else {
+        return run_actuator(actuator, &record.time_s, command, at_rest);
+    };
+    let drive = CommandSignal { time_s: &time_s, command: &changes };
+    from_rest(actuator, drive, &record.time_s[rows]).map_or_else(|_| Vec::new(), |seen| before_rest(seen, at_rest))
+}
+
 /// The rows of a logger with a clock of its own, from rest on; before it there is the level of rest.
 fn run_on_own_clock(
     actuator: &mut Actuator,
@@ -36,10 +48,16 @@ fn run_on_own_clock(
     at_rest: usize,
 ) -> Result<Vec<f64>, PlantError> {
     let drive = CommandSignal { time_s: &time_s[at_rest..], command: &command[at_rest..] };
-    let seen = simulate_response(actuator, drive, Start::Rest(command[at_rest]), drive.time_s)?;
-    let mut response = vec![seen[0]; at_rest];
-    response.extend(seen);
-    Ok(response)
+    Ok(before_rest(from_rest(actuator, drive, drive.time_s)?, at_rest))
+}
+
+fn from_rest(actuator: &mut Actuator, drive: CommandSignal, rows_s: &[f64]) -> Result<Vec<f64>, PlantError> {
+    simulate_response(actuator, drive, Start::Rest(drive.command[0]), rows_s)
+}
+
+fn before_rest(seen: Vec<f64>, rows: usize) -> Vec<f64> {
+    let first = seen.first().copied().unwrap_or_default();
+    std::iter::repeat_n(first, rows).chain(seen).collect()
 }
 
 /// `model` moved onto `measured` by what a validation may not judge: a static offset and the state

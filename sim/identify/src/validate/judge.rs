@@ -17,7 +17,7 @@ use crate::lag::multisine::SMOOTHING_HALF_WIDTH;
 use crate::lag::steps::Run;
 use crate::rows::columns;
 use crate::simulation::periodic::{Rates, simulated_periods};
-use crate::simulation::{align, fit_initial_state, fit_offset_and_initial_state, run_actuator};
+use crate::simulation::{align, fit_initial_state, fit_offset_and_initial_state, run_record};
 use crate::spectra::{Spectrum, SpectrumOptions};
 
 /// One record and what it is judged with.
@@ -132,7 +132,7 @@ impl Judge<'_> {
             .lag
             .time_constant_s;
         let mut actuator = self.actuator(Law::LinearAround(nominal))?;
-        let model = run_actuator(&mut actuator, &record.time_s, command, 0);
+        let model = run_record(&mut actuator, record, command, 0);
         let simulated = align(&record.time_s, measured, &model, tau_s);
         let percent = fit_percent(measured, &simulated).ok_or_else(|| self.constant_response())?;
         let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
@@ -176,7 +176,7 @@ impl Judge<'_> {
         let says = |row: &usize| shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]);
         let kept: Vec<usize> = rows.clone().filter(says).collect();
         let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
-        let model = run_actuator(&mut actuator, &record.time_s, command, rows.start);
+        let model = run_record(&mut actuator, record, command, rows.start);
         let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
         let (time_s, measured, mut simulated) = (of_kept(&record.time_s), of_kept(raw), of_kept(&model));
         let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;

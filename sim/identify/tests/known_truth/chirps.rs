@@ -50,6 +50,7 @@ fn chirp(sigma_n: f64, seed: u64) -> Experiment {
         command,
         thrust_n: Some(thrust_n),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

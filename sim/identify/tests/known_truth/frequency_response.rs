@@ -60,6 +60,7 @@ impl Motor {
             command: (0..periods * ROWS).map(|row| 0.5 + wave[row % ROWS]).collect(),
             thrust_n: Some(thrust_n),
             rpm: None,
+            command_log: None,
             esc_command: None,
             voltage_v: None,
             current_a: None,

@@ -6,6 +6,7 @@ mod coverage;
 mod frequency_response;
 mod holds;
 mod hum;
+mod own_stamps;
 mod plausibility;
 mod stand;
 mod static_map;

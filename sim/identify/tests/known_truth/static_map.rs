@@ -188,6 +188,7 @@ fn shell(time_s: Vec<f64>, command: Vec<f64>, thrust_n: Vec<f64>, excitation: Ex
         command,
         thrust_n: Some(thrust_n),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

@@ -96,6 +96,7 @@ fn record(time_s: Vec<f64>, command: Vec<f64>, rpm: Vec<f64>) -> Record {
         command,
         thrust_n: None,
         rpm: Some(rpm),
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

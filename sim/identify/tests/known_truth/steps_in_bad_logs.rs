@@ -230,6 +230,7 @@ fn log(fault: Fault, seed: u64) -> Log {
         command: only_kept(command),
         thrust_n: None,
         rpm: Some(only_kept(rpm)),
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

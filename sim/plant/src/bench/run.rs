@@ -321,6 +321,7 @@ impl Job<'_> {
             command,
             thrust_n,
             rpm,
+            command_log: None,
             esc_command: self.compensator.map(|_| esc_command),
             voltage_v: (!voltage_v.is_empty()).then_some(voltage_v),
             current_a: (!current_a.is_empty()).then_some(current_a),

@@ -103,6 +103,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         },
         time_s,
         command: drive,
+        own_command: Vec::new(),
         thrust_n: None,
         rpm: Some(rpm),
         voltage_v,

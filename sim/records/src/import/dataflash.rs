@@ -3,7 +3,7 @@
 //! - *A chirp* of the actuator chirp applet: the messages `ECRP`, whose rows have the pulse width that was put out and the speed at that
 //!   moment. A row's command holds until the next row. Each sweep is a chirp of its own.
 //! - *Otherwise* `RCOU`, the pulse widths of the outputs, and `ESC`, whose instances count outputs from zero. A report has its own
-//!   stamp; the command is held to it. Which output a motor is on is said by the parameters `SERVOn_FUNCTION`.
+//!   stamp; the command is held to it, and kept on its own stamps beside. Which output a motor is on is said by the parameters `SERVOn_FUNCTION`.
 //! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane), of a
 //!   plane's throttle by those of its output, `SERVOn_MIN` and `SERVOn_MAX`, unless a range is stated.
 
@@ -15,7 +15,7 @@ use rotorlead_numerics::sample::median;
 use super::binary_columns::{normalized, zero_based_stamps};
 use super::dataflash_messages::{DataFlashLog, Messages, is_dataflash};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
-use super::held::{Held, hold};
+use super::held::{HeldCommand, hold};
 use super::summary::{ColumnUse, DroppedRows};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
 use crate::experiment::{Excitation, Output};
@@ -184,13 +184,14 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let held = hold(&command, &response);
     check_count(file, held.rows.len())?;
     notes.extend(held.note(&command, &response));
-    let Held { rows, command: held, dropped } = held;
+    let rows = &held.rows;
     let of_range = motors.pulse_range_parameters(output);
     let range = pulse_range(file, log, &of_range, response[rows[0]].0, options, &mut notes)?;
     let name = format!("{OUTPUTS}.C{output}");
-    let command = normalized(file, &name, &rows, held, range)?;
+    let of_rows = held.command(file, &name, (&command, &response), range, |command| command)?;
+    let HeldCommand { at_rows: command, own: own_command } = of_rows;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
-    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ESC.TimeUS", &rows, stamps)?;
+    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ESC.TimeUS", rows, stamps)?;
     let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);
     let output_s: Vec<f64> = time_us.iter().map(|time| (time - response[rows[0]].0) * 1e-6).collect();
     let put_out: Vec<f64> = pulses.iter().map(scaled).collect();
@@ -201,7 +202,7 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let esc = output - 1;
     let mut columns = vec![
         column(format!("ESC.TimeUS[{esc}]"), Some("time_s"), STAMP),
-        column(name, Some("command"), &format!("{}..{} become 0..1; held to the ESC's stamps", range.0, range.1)),
+        column(name, Some("command"), &format!("{}..{} become 0..1; on its own stamps", range.0, range.1)),
         column(format!("ESC.{speed_label}[{esc}]"), Some("rpm"), "magnitude, as the ESC reports it"),
     ];
     let mut optional = |label: &str, taken_as: &str| {
@@ -220,12 +221,13 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
         rows_read: response.len(),
         rows_taken: rows.len(),
         columns,
-        dropped,
+        dropped: held.dropped,
         timing,
         pulse_widths: true,
         notes,
     };
     Ok(Taken {
+        own_command,
         voltage_v,
         current_a,
         ..taken(summary, time_s, command, rpm, sample_rate_hz, Some(Excitation::Staircase))
@@ -401,6 +403,7 @@ fn taken(
     Taken {
         time_s,
         command,
+        own_command: Vec::new(),
         thrust_n: None,
         rpm: Some(rpm),
         voltage_v: None,

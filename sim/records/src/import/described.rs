@@ -46,6 +46,7 @@ impl Taken {
         }
         let start = self.time_s.first().copied().unwrap_or(0.0);
         self.time_s.iter_mut().for_each(|time| *time -= start);
+        self.own_command.iter_mut().for_each(|(time, _)| *time -= start);
         self.summary.rows_taken = self.time_s.len();
         let reason = format!("before {from_s} s or from {to_s} s on, counted from the first row");
         self.summary.dropped.push(DroppedRows { rows, reason });

@@ -118,6 +118,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
         usual: Some(Excitation::Staircase),
         time_s: grid.time_s,
         command,
+        own_command: Vec::new(),
         thrust_n: None,
         rpm: Some(rpm),
         voltage_v,

@@ -1,19 +1,62 @@
 //! A command and a response that were logged at times of their own.
 
+use std::path::Path;
+
+use super::ImportError;
+use super::binary_columns::normalized;
 use super::stamps::typical_and_longest;
 use super::summary::DroppedRows;
 
 /// A command that is logged this many times more seldom than the response is worth a word.
 const SELDOM: f64 = 2.0;
 
-/// The rows of the response that have a command, and that command.
+/// The rows of the response that have a command, and which.
 pub(super) struct Held {
     pub(super) rows: Vec<usize>,
-    pub(super) command: Vec<f64>,
+    /// Of each row the place of its command.
+    commands: Vec<usize>,
     pub(super) dropped: Vec<DroppedRows>,
 }
 
+/// The commands of these rows.
+pub(super) struct HeldCommand {
+    /// At the rows, 0..1.
+    pub(super) at_rows: Vec<f64>,
+    /// On stamps of its own, seconds from the first row: from the one in force there to the last.
+    pub(super) own: Vec<(f64, f64)>,
+}
+
 impl Held {
+    /// The commands, of which the numbers of `range` are 0..1, and `bent` is what is done to those.
+    ///
+    /// # Errors
+    /// [`ImportError::SampleOutOfRange`].
+    pub(super) fn command(
+        &self,
+        file: &Path,
+        name: &str,
+        (command, response): (&[(f64, f64)], &[(f64, f64)]),
+        range: (f64, f64),
+        bent: impl Fn(f64) -> f64,
+    ) -> Result<HeldCommand, ImportError> {
+        let (Some(&first), Some(&last)) = (self.commands.first(), self.commands.last()) else {
+            return Ok(HeldCommand { at_rows: Vec::new(), own: Vec::new() });
+        };
+        // Beside rows that are left out a motor may be switched off, or not be armed yet.
+        let is_on = |place: &usize| !command[*place].1.is_nan();
+        let places: Vec<usize> = (first..=last).filter(is_on).collect();
+        let raw = places.iter().map(|&place| command[place].1).collect();
+        let values: Vec<f64> = normalized(file, name, &places, raw, range)?.into_iter().map(bent).collect();
+        // A row's command is on.
+        let of_row = |place: &usize| values[places.partition_point(|on| on < place)];
+        let origin_us = response[self.rows[0]].0;
+        let seconds = |place: &usize| (command[*place].0 - origin_us) * 1e-6;
+        Ok(HeldCommand {
+            at_rows: self.commands.iter().map(of_row).collect(),
+            own: places.iter().map(seconds).zip(values.iter().copied()).collect(),
+        })
+    }
+
     /// What it means that the command was logged more seldom than the response. Stamps in microseconds.
     pub(super) fn note(&self, command: &[(f64, f64)], response: &[(f64, f64)]) -> Option<String> {
         let usual_ms = |stamps: Vec<f64>| 1e-3 * typical_and_longest(&stamps).0;
@@ -34,7 +77,7 @@ impl Held {
 pub(super) fn hold(command: &[(f64, f64)], response: &[(f64, f64)]) -> Held {
     let longest = command.windows(2).map(|w| w[1].0 - w[0].0).fold(0.0, f64::max);
     let end = command.last().map_or(f64::NEG_INFINITY, |last| last.0 + longest);
-    let mut held = Held { rows: Vec::new(), command: Vec::new(), dropped: Vec::new() };
+    let mut held = Held { rows: Vec::new(), commands: Vec::new(), dropped: Vec::new() };
     let (mut early, mut late, mut off, mut same, mut none) = (0, 0, 0, 0, 0);
     let mut next = 0;
     let mut before = f64::NAN;
@@ -55,7 +98,7 @@ pub(super) fn hold(command: &[(f64, f64)], response: &[(f64, f64)]) -> Held {
             off += 1;
         } else {
             held.rows.push(row);
-            held.command.push(command[next - 1].1);
+            held.commands.push(next - 1);
         }
         before = stamp;
     }

@@ -231,6 +231,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         },
         time_s,
         command: drive,
+        own_command: Vec::new(),
         thrust_n,
         rpm,
         voltage_v,

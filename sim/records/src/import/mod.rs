@@ -42,7 +42,7 @@ pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
-use super::{Excitation, Experiment, Output, Record};
+use super::{CommandLog, Excitation, Experiment, Output, Record};
 use described::Described;
 use format::Reader;
 use plain_layout::PlainTable;
@@ -216,6 +216,9 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
 struct Taken {
     time_s: Vec<f64>,
     command: Vec<f64>,
+    /// The command on stamps of its own: seconds from the first row, and 0..1, from the one in force there on; nothing where it was logged
+    /// in the rows.
+    own_command: Vec<(f64, f64)>,
     thrust_n: Option<Vec<f64>>,
     rpm: Option<Vec<f64>>,
     voltage_v: Option<Vec<f64>>,
@@ -233,6 +236,7 @@ impl Taken {
     fn into_import(mut self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
         if options.without_command {
             self.command.clear();
+            self.own_command.clear();
         }
         self.cut(options)?;
         self.check_response(options)?;
@@ -241,8 +245,13 @@ impl Taken {
         let Described { excitation, period_s, nominal, amplitude, note } = self.described(options)?;
         self.check_times(excitation)?;
         self.summary.notes.extend(note);
+        let file_name = record_file(&stem, options);
+        let command_log = self.command_log(&file_name, excitation);
+        if let Some(log) = &command_log {
+            self.command = log.at_rows(&self.time_s, excitation);
+        }
         let record = Record {
-            file: record_file(&stem, options),
+            file: file_name,
             nominal,
             excitation,
             period_s,
@@ -252,6 +261,7 @@ impl Taken {
             role: None,
             time_s: self.time_s,
             command: self.command,
+            command_log,
             thrust_n: self.thrust_n,
             rpm: self.rpm,
             esc_command: None,
@@ -285,6 +295,30 @@ impl Taken {
             return Err(ImportError::NoSuchOutput { file, output });
         }
         Ok(())
+    }
+
+    /// The command on stamps of its own, where the rows do not say all of it: where it changes between two of them.
+    fn command_log(&self, record_file: &str, excitation: Excitation) -> Option<CommandLog> {
+        if excitation == Excitation::Steady {
+            return None;
+        }
+        let (first_s, last_s) = (self.time_s.first()?, self.time_s.last()?);
+        let own = &self.own_command;
+        let first = own.partition_point(|(time, _)| time <= first_s).checked_sub(1)?;
+        let mut own = own[first..own.partition_point(|(time, _)| time <= last_s).max(first)].to_vec();
+        // Of several at one stamp the last holds.
+        own.dedup_by(|next, before| {
+            let is_same = next.0 <= before.0;
+            before.1 = if is_same { next.1 } else { before.1 };
+            is_same
+        });
+        let (time_s, command) = own.into_iter().unzip();
+        let file = format!("{}_command.csv", record_file.trim_end_matches(".csv"));
+        let log = CommandLog { file, time_s, command };
+        let changes = (1..self.command.len()).filter(|&row| self.command[row] != self.command[row - 1]);
+        let mut stamps = changes.map(|row| self.time_s[row]);
+        let is_between = stamps.any(|stamp| log.time_s[log.last_change(stamp)] != stamp);
+        is_between.then_some(log)
     }
 
     /// Refuses rows so far apart that their times are in another unit. Steady points are as far apart as it took to reach them.

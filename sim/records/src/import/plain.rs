@@ -57,6 +57,7 @@ pub(super) fn take_table(
         places: Vec::new(),
         time: values(picks.time).unwrap_or_default(),
         command: values(picks.command).unwrap_or_default(),
+        own_command: Vec::new(),
         thrust: values(picks.thrust),
         speed: values(picks.speed),
         voltage: values(picks.voltage),
@@ -169,6 +170,7 @@ pub(super) fn take_table(
         output,
         time_s: rows.time,
         command: rows.command,
+        own_command: rows.own_command.iter().map(|own| (own.time, own.command)).collect(),
         thrust_n,
         rpm,
         voltage_v,
@@ -184,12 +186,22 @@ struct Rows<'a> {
     places: Vec<usize>,
     time: Vec<f64>,
     command: Vec<f64>,
+    /// The rows with a command, where the response is in others.
+    own_command: Vec<OwnCommand>,
     thrust: Option<Vec<f64>>,
     speed: Option<Vec<f64>>,
     voltage: Option<Vec<f64>>,
     current: Option<Vec<f64>>,
     dropped: Vec<DroppedRows>,
     reordered: usize,
+}
+
+/// A command on a row of its own.
+struct OwnCommand {
+    /// Which row of the table.
+    place: usize,
+    time: f64,
+    command: f64,
 }
 
 impl Rows<'_> {
@@ -199,6 +211,10 @@ impl Rows<'_> {
             .into_iter()
             .filter(|column| !column.is_empty())
             .chain(optional.into_iter().flatten())
+    }
+
+    fn commands(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.command.iter_mut().chain(self.own_command.iter_mut().map(|own| &mut own.command))
     }
 
     fn left_out(&mut self, rows: usize, reason: impl Into<String>) {
@@ -223,6 +239,7 @@ impl Rows<'_> {
         if 2 * alone <= readings {
             return None;
         }
+        self.keep_own_command();
         let others = [&mut self.voltage, &mut self.current].into_iter().flatten();
         for series in std::iter::once(&mut self.command).chain(others) {
             let mut last = f64::NAN;
@@ -233,6 +250,13 @@ impl Rows<'_> {
         }
         self.retain(&is_reading, "a row of another series");
         Some(String::from("each row has one series: those beside the response hold until their next row"))
+    }
+
+    /// Remembers each command with its stamp, before rows without a response are left out.
+    fn keep_own_command(&mut self) {
+        let rows = self.places.iter().zip(&self.time).zip(&self.command);
+        let own = rows.map(|((&place, &time), &command)| OwnCommand { place, time, command });
+        self.own_command = own.filter(|own| !own.command.is_nan()).collect();
     }
 
     /// Keeps the rows from the first to the last that has a command; one without between them is an error.
@@ -272,12 +296,14 @@ impl Rows<'_> {
             // Of a time alone.
             Scale::Clock => (0.0, 1.0),
         };
-        if let Some(at) = self.command.iter().position(|value| !(low..=high).contains(value)) {
+        let rows = self.places.iter().copied().zip(self.command.iter().copied());
+        let own = self.own_command.iter().map(|own| (own.place, own.command));
+        if let Some((place, value)) = rows.chain(own).find(|(_, value)| !(low..=high).contains(value)) {
             return Err(ImportError::OutOfRange {
                 file: self.table.file.clone(),
-                line: self.table.line(self.places[at]),
+                line: self.table.line(place),
                 column: self.table.header[pick.column].clone(),
-                value: self.command[at],
+                value,
                 low,
                 high,
             });
@@ -293,7 +319,7 @@ impl Rows<'_> {
         }));
         let guessed = if pick.guessed_because.is_some() { "; guessed" } else { "" };
         if pick.unit.scale != Scale::Dshot {
-            self.command.iter_mut().for_each(|value| *value = (*value - low) / (high - low));
+            self.commands().for_each(|value| *value = (*value - low) / (high - low));
             let stated = if pick.unit.scale == Scale::Pulse {
                 " µs become 0..1, stated and not measured"
             } else {
@@ -309,7 +335,7 @@ impl Rows<'_> {
                  as stop"
             ));
         }
-        self.command.iter_mut().for_each(|value| *value = ((*value - low) / (high - low)).max(0.0));
+        self.commands().for_each(|value| *value = ((*value - low) / (high - low)).max(0.0));
         Ok(format!("DShot: {low}..{high} become 0..1, 0 is stop{guessed}"))
     }
 
@@ -324,6 +350,7 @@ impl Rows<'_> {
     ) -> Result<bool, ImportError> {
         let is_stated = options.excitation == Some(Excitation::Steady);
         let Some(pick) = pick else {
+            self.own_command.clear();
             self.time = numbered(self.command.len());
             notes.push(String::from("the table has no time: its points are numbered, one a second"));
             return Ok(true);
@@ -332,14 +359,18 @@ impl Rows<'_> {
             return Err(self.table.blank(self.places[at], pick.column));
         }
         if pick.unit.scale == Scale::Clock {
-            go_on_behind_midnight(&mut self.time);
+            go_on_behind_midnight(self.time.iter_mut());
+            go_on_behind_midnight(self.own_command.iter_mut().map(|own| &mut own.time));
         }
         let start = self.time.first().copied().unwrap_or(0.0);
-        self.time.iter_mut().for_each(|stamp| *stamp = converted(pick, *stamp - start));
+        let stamps = self.time.iter_mut().chain(self.own_command.iter_mut().map(|own| &mut own.time));
+        stamps.for_each(|stamp| *stamp = converted(pick, *stamp - start));
         let is_shown = options.excitation.is_none() && self.are_points();
         if !is_stated && !is_shown {
             if let Some(even) = spread_bursts(&self.time) {
                 self.time = even;
+                // Stamps of commands tell nothing then.
+                self.own_command.clear();
                 notes.push(String::from(
                     "time stamps come in bursts, as of a host that reads several rows at a time: the rows were spread evenly",
                 ));
@@ -348,6 +379,7 @@ impl Rows<'_> {
             self.sort(pick, if is_stand { MAX_OVERTAKING_S } else { 0.0 })?;
             return Ok(false);
         }
+        self.own_command.clear();
         let found = if is_shown { "the rows are slower than any lag, and each has another command: " } else { "" };
         let increases = self.time.is_sorted_by(|a, b| a < b);
         let numbering =
@@ -400,7 +432,9 @@ impl Rows<'_> {
             self.places = order.iter().map(|row| self.places[*row]).collect();
             let start = self.time[0];
             self.time.iter_mut().for_each(|time| *time -= start);
+            self.own_command.iter_mut().for_each(|own| own.time -= start);
         }
+        self.own_command.sort_by(|a, b| a.time.total_cmp(&b.time));
         Ok(())
     }
 
@@ -415,6 +449,9 @@ impl Rows<'_> {
             };
             let keep: Vec<bool> = values.iter().flatten().map(|value| !value.is_nan()).collect();
             let name = &self.table.header[pick.column];
+            if self.own_command.is_empty() && keep.contains(&false) {
+                self.keep_own_command();
+            }
             self.retain(&keep, format!("`{name}` is blank"));
         }
     }
@@ -426,6 +463,7 @@ impl Rows<'_> {
         // The first row may be one of those that were left out.
         let start = self.time.first().copied().unwrap_or(0.0);
         self.time.iter_mut().for_each(|time| *time -= start);
+        self.own_command.iter_mut().for_each(|own| own.time -= start);
     }
 
     fn retain(&mut self, keep: &[bool], reason: impl Into<String>) {
@@ -449,7 +487,7 @@ fn numbered(points: usize) -> Vec<f64> {
 }
 
 /// Adds a day where a clock runs back by more than half of one.
-fn go_on_behind_midnight(stamps: &mut [f64]) {
+fn go_on_behind_midnight<'a>(stamps: impl Iterator<Item = &'a mut f64>) {
     let (mut days_s, mut before) = (0.0, f64::NEG_INFINITY);
     for stamp in stamps {
         if before - (*stamp + days_s) > DAY_S / 2.0 {

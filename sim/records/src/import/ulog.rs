@@ -4,13 +4,13 @@
 //!   logged, `actuator_outputs.output`, a pulse width numbered by output channel.
 //! - The response is `esc_status.esc[].esc_rpm`. Each report has its own stamp, which is kept; a status
 //!   that repeats an ESC's last report, because another ESC answered, is left out.
-//! - The two topics have their own rates: the command is held to the response's stamps.
+//! - The two topics have their own rates: the command is held to the response's stamps, and kept on its own beside.
 
 use std::path::Path;
 
-use super::binary_columns::{normalized, zero_based_stamps};
+use super::binary_columns::zero_based_stamps;
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
-use super::held::{Held, hold};
+use super::held::{HeldCommand, hold};
 use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
@@ -95,29 +95,28 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     let rows_read = response.len();
     let held = hold(&command, &response);
     notes.extend(held.note(&command, &response));
-    let Held { rows, command: held, dropped } = held;
+    let rows = &held.rows;
     if rows.len() < MIN_ROWS {
         return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
     }
-    let mut held = normalized(file, &command_name, &rows, held, range)?;
-    let mut becomes = format!("{}..{} become 0..1; held to the response's stamps", range.0, range.1);
-    if !pulse_widths {
-        match log.parameter(THRUST_FACTOR) {
-            None => notes.push(format!(
-                "the log does not have {THRUST_FACTOR}, by which PX4 bends the command on its way to the ESC: it is taken as 0, which \
-                 bends nothing"
-            )),
-            Some(factor) if factor > 0.0 => {
-                held.iter_mut().for_each(|command| *command = signal(*command, factor));
-                becomes = format!("as the ESC's signal, by {THRUST_FACTOR} = {factor}; held to the response's stamps");
-            }
-            Some(_) => {}
-        }
+    let mut becomes = format!("{}..{} become 0..1; on its own stamps", range.0, range.1);
+    let factor = log.parameter(THRUST_FACTOR).filter(|_| !pulse_widths);
+    if factor.is_none() && !pulse_widths {
+        notes.push(format!(
+            "the log does not have {THRUST_FACTOR}, by which PX4 bends the command on its way to the ESC: it is taken as 0, which \
+             bends nothing"
+        ));
     }
+    let factor = factor.filter(|factor| *factor > 0.0);
+    if let Some(factor) = factor {
+        becomes = format!("as the ESC's signal, by {THRUST_FACTOR} = {factor}; on its own stamps");
+    }
+    let bent = |command: f64| factor.map_or(command, |factor| signal(command, factor));
+    let HeldCommand { at_rows, own } = held.command(file, &command_name, (&command, &response), range, bent)?;
     refuse_flight(file, options, &log, (topic, field, range), (motor, &command), response[rows[0]].0)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) =
-        zero_based_stamps(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
+        zero_based_stamps(file, &format!("{STATUS}.esc[{esc}].timestamp"), rows, stamps)?;
     let rpm = rows.iter().map(|&row| response[row].1.abs()).collect();
 
     let mut columns = vec![
@@ -158,13 +157,14 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
             rows_read,
             rows_taken: rows.len(),
             columns,
-            dropped,
+            dropped: held.dropped,
             timing,
             pulse_widths,
             notes,
         },
         time_s,
-        command: held,
+        command: at_rows,
+        own_command: own,
         thrust_n: None,
         rpm: Some(rpm),
         voltage_v,

@@ -1,5 +1,6 @@
 //! What is refused, with the report that a user sees, and what comes back unchanged.
 
+mod command_file;
 mod long;
 mod manifest;
 mod round_trip;
@@ -62,6 +63,7 @@ fn record(time_s: Vec<f64>) -> Record {
         thrust_n: Some(vec![1.0; time_s.len()]),
         time_s,
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 
 use super::record;
+use crate::CommandLog;
 use crate::experiment::{Excitation, Experiment, Output, Record, Role};
 use crate::files::OutputFolder;
 use crate::files::testing::{Scratch, assert_report};
@@ -52,11 +53,19 @@ fn any_record() -> impl Strategy<Value = Record> {
             prop::option::of(duties(rows)),
             column(rows),
             column(rows),
+            prop::option::of((2usize..5).prop_flat_map(duties)),
         )
     });
     (keys, columns).prop_map(|(keys, columns)| {
         let (nominal, excitation, period_s, amplitude, role) = keys;
-        let (time_s, command, thrust_n, rpm, esc_command, voltage_v, current_a) = columns;
+        let (time_s, command, thrust_n, rpm, esc_command, voltage_v, current_a, own_command) = columns;
+        let first_s = time_s[0];
+        let command_log = own_command.map(|command| CommandLog {
+            file: String::new(),
+            time_s: (0..command.len()).map(|place| first_s + 0.1 * place as f64).collect(),
+            command,
+        });
+        let command = command_log.as_ref().map_or(command, |log| log.at_rows(&time_s, excitation));
         Record {
             file: String::new(),
             nominal,
@@ -68,6 +77,7 @@ fn any_record() -> impl Strategy<Value = Record> {
             role,
             time_s,
             command,
+            command_log,
             thrust_n: Some(thrust_n),
             rpm,
             esc_command,
@@ -83,6 +93,9 @@ fn any_experiment() -> impl Strategy<Value = Experiment> {
     (any::<String>(), rate(), rate(), records).prop_map(|(name, esc, command, mut records)| {
         for (index, record) in records.iter_mut().enumerate() {
             record.file = format!("runs/{index}.csv");
+            if let Some(log) = &mut record.command_log {
+                log.file = format!("runs/{index}_command.csv");
+            }
         }
         Experiment {
             name,

@@ -51,6 +51,9 @@ const WINDOW: f64 = 8.0;
 /// Onsets in the first pass, in which they are nearly free, seconds. Chosen: a whole frame of a 50 Hz ESC, `sqrt(12)` times the standard
 /// deviation of an onset within it.
 const FREE_ONSET_STD_S: f64 = 0.02;
+/// The least by which a command's own stamps are off, seconds. Chosen: few loggers stamp to better than a tenth of a millisecond, and none
+/// at all makes an infinite weight.
+const LEAST_CHANGE_STD_S: f64 = 1e-4;
 /// The least and the most that drag makes of the curvature. Derived: none, and `0.5 * 1.4`, as `c R` is at most half the rate at the
 /// highest level, which is seldom more than 1.4 times the usual one.
 const CURVATURES: (f64, f64) = (0.0, 0.7);
@@ -86,6 +89,8 @@ pub(super) struct StepRows<'a> {
     pub(super) y: &'a [f64],
     /// Rows that say nothing.
     pub(super) spike: &'a [bool],
+    /// Standard deviation of the moments of the command's own stamps, seconds, where it has them.
+    pub(super) change_std_s: Option<f64>,
 }
 
 /// Fits the steps that have no fault. `frame_s` is the ESC's frame, where known.
@@ -104,8 +109,9 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         step.window.end = step.window.start + data.time_s[step.window.clone()].partition_point(|&t| t < end);
     }
     let row_s = (data.time_s[data.time_s.len() - 1] - data.time_s[0]) / (data.time_s.len() - 1) as f64;
-    // Uniform within a row and within a frame.
-    let least_onset_std_s = ((row_s * row_s + frame_s * frame_s) / 12.0).sqrt();
+    // Uniform within a row, unless the command has stamps of its own, and within a frame.
+    let change_std_s = data.change_std_s.map_or(row_s / 12.0_f64.sqrt(), |std_s| std_s.max(LEAST_CHANGE_STD_S));
+    let least_onset_std_s = change_std_s.hypot(frame_s / 12.0_f64.sqrt());
     let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
     let usual_s = rise_s;
     let reference = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);

@@ -79,8 +79,8 @@ pub struct StaircaseFit {
     pub levels: Vec<Level>,
     /// The direction in which more levels were seen; gains and the static map are taken from it.
     pub main_direction: Direction,
-    /// Delay of all steps in seconds, as logged: from the time stamp of the first row with the new
-    /// command. The log may stamp late by up to a row, so it can be negative. Half an ESC frame is taken
+    /// Delay of all steps in seconds, as logged: from the stamp of the new command, its own or that of its first row. The log may
+    /// stamp late by up to a row, so it can be negative. Half an ESC frame is taken
     /// off where the frame is known.
     pub delay_s: Estimate,
     /// Standard deviation of single steps' delays about [`Self::delay_s`], seconds: in which part of a row
@@ -136,7 +136,8 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let runs = Run::all(record, output)?;
     let mut steps = step::find_steps(&record.time_s, &runs);
     let (y, spike) = (runs[0].clean.clone(), runs[0].spike.clone());
-    let data = StepRows { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
+    let change_std_s = record.command_log.as_ref().map(|log| log.resolution_s() / 12.0_f64.sqrt());
+    let data = StepRows { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike, change_std_s };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
     let lag = fit::fit(&data, &runs, &mut steps, frame_s).map_err(|error| match (error, limit) {
@@ -294,7 +295,7 @@ fn simulate_run(
             });
             let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
             let bend = lag.bend_per_s * time_constant_s;
-            Segment { from_s: time_s[plateau.rows.start], level, time_constant_s, delay_s, bend }
+            Segment { from_s: plateau.change_s, level, time_constant_s, delay_s, bend }
         })
         .collect();
     let mut simulated = vec![0.0; rows.len()];

@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use rotorlead_numerics::sample::{mean, median, variance};
-use rotorlead_records::Output;
+use rotorlead_records::{Output, Record};
+
+use crate::rows::gaps::rows_after_gaps;
 
 /// Shortest time in seconds that counts as a plateau. Chosen: five time constants of a quick motor, 50 ms; a shorter one has not settled,
 /// and a longer limit leaves out quick staircases.
@@ -60,6 +62,10 @@ pub struct Plateau {
     pub rows: Range<usize>,
     /// Command that is held.
     pub command: f64,
+    /// When the command changed to it, seconds: by its own stamps, or at the first of the rows.
+    pub change_s: f64,
+    /// The gap in the command's stamps, seconds, in which that was, where it was in one.
+    pub change_gap_s: Option<f64>,
     /// `None` for a plateau that begins the record.
     pub direction: Option<Direction>,
     /// Mean of the response over the settled rows.
@@ -120,13 +126,16 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
 /// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
 /// fell out of step.
-pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -> Vec<Plateau> {
+pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
+    let (time_s, command) = (&record.time_s, &record.command);
+    let changes_at = ChangeTimes::new(record);
     let mut plateaus = Vec::new();
     let mut start = 0;
     for end in changes(command).skip(1) {
         let direction =
             (start > 0).then(|| if command[start] > command[start - 1] { Direction::Up } else { Direction::Down });
-        plateaus.push(measured(start..end, command[start], direction, y));
+        let plateau = measured(start..end, command[start], direction, y);
+        plateaus.push(changes_at.timed(plateau));
         start = end;
     }
     let long = |p: &Plateau| p.is_long(time_s);
@@ -143,6 +152,35 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
         };
     }
     plateaus
+}
+
+/// When commands changed, by their own stamps or those of the rows.
+struct ChangeTimes<'a> {
+    record: &'a Record,
+    /// The stamps that come after a gap.
+    after_gaps: Vec<usize>,
+}
+
+impl<'a> ChangeTimes<'a> {
+    fn new(record: &'a Record) -> Self {
+        let after_gaps = match &record.command_log {
+            // A log of changes alone stands still in between.
+            Some(log) if log.resolution_s() == 0.0 => Vec::new(),
+            Some(log) => rows_after_gaps(&log.time_s),
+            None => rows_after_gaps(&record.time_s),
+        };
+        Self { record, after_gaps }
+    }
+
+    fn timed(&self, plateau: Plateau) -> Plateau {
+        let row = plateau.rows.start;
+        let (stamps, at) = match &self.record.command_log {
+            Some(log) => (&log.time_s, log.last_change(self.record.time_s[row])),
+            None => (&self.record.time_s, row),
+        };
+        let is_in_gap = self.after_gaps.binary_search(&at).is_ok();
+        Plateau { change_s: stamps[at], change_gap_s: is_in_gap.then(|| stamps[at] - stamps[at - 1]), ..plateau }
+    }
 }
 
 /// Below this share of the fastest plateau's response a motor does not run.
@@ -174,6 +212,8 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
     let mut plateau = Plateau {
         rows,
         command,
+        change_s: f64::NAN,
+        change_gap_s: None,
         direction,
         mean: 0.0,
         std: 0.0,

@@ -25,7 +25,7 @@ pub struct Run {
 
 /// All segments of constant command of a record, running or not; `clean` is its response without spikes.
 pub fn find_plateaus(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
-    plateaus::find(&record.time_s, &record.command, clean, output)
+    plateaus::find(record, clean, output)
 }
 
 impl Run {
@@ -55,7 +55,7 @@ impl Run {
             _ => {}
         }
         let (clean, spike) = spikes::without_spikes(response);
-        let all = plateaus::find(&record.time_s, &record.command, &clean, output);
+        let all = plateaus::find(record, &clean, output);
         if let Some(lowest) = plateaus::below_zero(&all) {
             let (command, response) = (lowest.command, lowest.mean);
             return Err(StepsError::BelowZero { record: record.file.clone(), command, response });

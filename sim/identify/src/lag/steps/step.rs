@@ -108,7 +108,7 @@ impl fmt::Display for StepFault {
 pub struct Step {
     /// The first row with the new command.
     pub row: usize,
-    /// When that is, seconds.
+    /// When the command changed, seconds: by its own stamps where it has them, else at that row.
     pub at_s: f64,
     /// Rows that were fitted, or would have been.
     pub window: Range<usize>,
@@ -213,14 +213,13 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
     let rise = to.mean - level;
     let sign = if to.direction == Some(Direction::Down) { -1.0 } else { 1.0 };
     let std = before.mean_std.hypot(to.mean_std);
-    let is_gap = |row: &usize| after_gaps.binary_search(row).is_ok();
     let gap_s = |row: usize| time_s[row] - time_s[row - 1];
     let fault = if before.state == PlateauState::Short || to.state == PlateauState::Short {
         Some(StepFault::Short)
     } else if !(run.is_unclipped(k) && run.is_unclipped(k + 1)) {
         Some(StepFault::Limited)
-    } else if is_gap(&row) {
-        Some(StepFault::CommandInGap { gap_s: gap_s(row) })
+    } else if let Some(gap_s) = to.change_gap_s {
+        Some(StepFault::CommandInGap { gap_s })
     } else if sign * rise <= LEAST_STD * std {
         Some(StepFault::Hidden { rise: sign * rise, std })
     } else if drift(&y[ahead..row]) > MOST_UNSETTLED * rise.abs() {
@@ -228,18 +227,18 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
     } else {
         // The reading after a gap may be from before it.
         let moved = |gap: usize| (y[(gap + 1).min(to.rows.end - 1)] - y[gap - 1]) / rise;
-        let first = after_gaps.partition_point(|gap| *gap <= row);
+        let first = after_gaps.partition_point(|gap| *gap < row);
         let gaps = after_gaps[first..].iter().take_while(|gap| **gap < to.rows.end);
         let worst = gaps.map(|&gap| (gap, moved(gap))).max_by(|a, b| a.1.total_cmp(&b.1));
         worst.filter(|(_, share)| *share > MOST_IN_GAP).map(|(gap, share)| StepFault::ResponseInGap {
-            after_s: time_s[gap - 1] - time_s[row],
+            after_s: (time_s[gap - 1] - to.change_s).max(0.0),
             gap_s: gap_s(gap),
             share: share.min(1.0),
         })
     };
     Step {
         row,
-        at_s: time_s[row],
+        at_s: to.change_s,
         window: ahead..to.rows.end,
         from: before.command,
         to: to.command,

@@ -198,6 +198,7 @@ impl Bench {
             command: all,
             thrust_n: Some(clean.clone()),
             rpm: None,
+            command_log: None,
             esc_command: None,
             voltage_v: None,
             current_a: None,

@@ -64,6 +64,7 @@ fn experiment(blows: &[(Vec<f64>, Vec<f64>)]) -> Experiment {
         command: force.clone(),
         thrust_n: Some(response.clone()),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,

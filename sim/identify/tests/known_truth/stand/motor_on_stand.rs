@@ -82,6 +82,7 @@ fn experiment() -> Experiment {
         command: command.repeat(PERIODS),
         thrust_n: Some(thrust),
         rpm: None,
+        command_log: None,
         esc_command: None,
         voltage_v: None,
         current_a: None,
