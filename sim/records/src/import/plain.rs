@@ -7,7 +7,7 @@ use std::mem::take;
 
 use rotorlead_numerics::sample::median;
 
-use super::format::{LogFormat, Reader, UNCOMPRESSED};
+use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
 use super::plain_columns::{Pick, Picks, is_electrical, option, other_speed};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
@@ -40,12 +40,13 @@ pub(super) fn take_table(
     mut plain: PlainTable<'_>,
     options: &ImportOptions,
     format: &'static LogFormat,
-    is_stand: bool,
 ) -> Result<Taken, ImportError> {
+    let is_stand = plain.dialect.is_stand;
     let mut notes = take(&mut plain.notes);
-    let mut list = ColumnList::new(&plain.table);
+    let mut list = ColumnList::new(&plain.table, &plain.beside);
     let picks = Picks::choose(&plain, options, &mut list)?;
     let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
+    plain.table.check_lengths(&picks.compared())?;
     notes.extend(plain.table.infer_comma(&places)?.map(String::from));
     let table = &plain.table;
 
@@ -67,6 +68,9 @@ pub(super) fn take_table(
     let rows_read = rows.time.len().max(rows.command.len());
     rows.places = (0..rows_read).collect();
     notes.extend(rows.hold_interleaved(options.output));
+    if table.is_of_samples() {
+        rows.leave_out_no_numbers();
+    }
     let mut command_note = String::new();
     if let Some(command) = picks.command {
         rows.cut_to_the_command(command)?;
@@ -161,11 +165,7 @@ pub(super) fn take_table(
             pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
             notes,
         },
-        usual: match (is_steady, is_stand) {
-            (true, _) => Some(Excitation::Steady),
-            (false, true) => Some(Excitation::Staircase),
-            (false, false) => None,
-        },
+        usual: if is_steady { Some(Excitation::Steady) } else { plain.dialect.usual },
         output,
         time_s: rows.time,
         command: rows.command,
@@ -233,6 +233,14 @@ impl Rows<'_> {
         }
         self.retain(&is_reading, "a row of another series");
         Some(String::from("each row has one series: those beside the response hold until their next row"))
+    }
+
+    /// Leaves out the rows whose time or command is none, which a program that writes numbers put there on purpose.
+    fn leave_out_no_numbers(&mut self) {
+        let is_number = |values: &[f64], row: usize| values.get(row).is_none_or(|value| !value.is_nan());
+        let keep = (0..self.places.len()).map(|row| is_number(&self.time, row) && is_number(&self.command, row));
+        let keep: Vec<bool> = keep.collect();
+        self.retain(&keep, "NaN in the time or the command");
     }
 
     /// Keeps the rows from the first to the last that has a command; one without between them is an error.
@@ -514,8 +522,8 @@ fn convert(
         let found = converted(pick, *value);
         if found.abs() > most {
             let name = &table.header[pick.column];
-            let (line, text) =
-                table.at(places[row], |row| (row.line, row.text(pick.column).to_owned())).unwrap_or_default();
+            let line = table.line(places[row]);
+            let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
             return Err(ImportError::Impossible {
                 file: table.file.clone(),
                 line,
@@ -563,6 +571,9 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
     })
 }
 
+/// Its names speak for themselves.
+pub(super) const DIALECT: Dialect = Dialect { names: &[], is_stand: false, usual: None };
+
 /// The format.
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "plain",
@@ -571,5 +582,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header: |_| true, is_stand: false },
+    reader: Reader::Table { is_header: |_| true, dialect: &DIALECT },
 };

@@ -9,7 +9,7 @@ use super::plain_layout::PlainTable;
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{CellFormat, seconds_since_midnight};
-use super::{ImportError, ImportOptions, rcbenchmark};
+use super::{ImportError, ImportOptions};
 use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
 
@@ -65,6 +65,7 @@ impl Picks {
         let needs_time = options.excitation != Some(Excitation::Steady);
         let of = |quantity| find(plain, quantity, options);
         let mut questions = Vec::new();
+        let mut unfit = Vec::new();
         let mut need = |found, asks: &str, quantity| match found {
             Found::Pick(pick) => Some(pick),
             Found::Unclear(question) => {
@@ -72,6 +73,7 @@ impl Picks {
                 None
             }
             Found::Nothing => {
+                unfit.push(quantity);
                 questions.push(Question::new(quantity, "HEADER", format!("no column is known to be the {asks}")));
                 None
             }
@@ -92,12 +94,27 @@ impl Picks {
             (thrust, speed) => (need(thrust, "", Quantity::Thrust), speed.pick()),
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
+        if let Some(beside) = plain.beside.iter().find(|b| b.quantity.is_some_and(|quantity| unfit.contains(&quantity)))
+        {
+            return Err(ImportError::Variable {
+                file: plain.table.file.clone(),
+                name: beside.name.clone(),
+                problem: format!("{}, where a vector of real numbers is needed", beside.shown),
+                remedy: format!("in MATLAB, {}", beside.remedy),
+            });
+        }
         if !questions.is_empty() {
             return Err(ask(plain, &questions, options));
         }
         let picks = Self { time, command, thrust, speed, voltage, current };
         picks.say_why_others_are_left(plain, list);
         Ok(picks)
+    }
+
+    /// The columns that need as many numbers as each other.
+    pub(super) fn compared(&self) -> Vec<usize> {
+        let needed = [self.time, self.command, self.thrust, self.speed];
+        needed.into_iter().flatten().map(|pick| pick.column).collect()
     }
 
     /// Every column that may be taken.
@@ -176,7 +193,7 @@ pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
 fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> Result<Found, ImportError> {
     let (header, choices) = (&plain.table.header, &options.columns);
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
-        let mut named = (0..header.len()).filter(|index| header[*index] == choice.header);
+        let mut named = plain.called(&choice.header).into_iter();
         let index = named.next().ok_or_else(|| ImportError::NoSuchColumn {
             file: plain.table.file.clone(),
             column: choice.header.clone(),
@@ -187,7 +204,8 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
         }
         (index, Some(choice))
     } else {
-        let is_chosen = |index: &usize| choices.iter().any(|choice| choice.header == header[*index]);
+        let chosen: Vec<usize> = choices.iter().flat_map(|choice| plain.called(&choice.header)).collect();
+        let is_chosen = |index: &usize| chosen.contains(index);
         let says = |index: &usize| Said::from_column(plain, *index).is_some_and(|said| said.quantity == quantity);
         let named: Vec<usize> = (0..header.len()).filter(|index| says(index) && !is_chosen(index)).collect();
         match named[..] {
@@ -204,7 +222,9 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
     };
     let is_reversed = stated.is_some_and(|choice| choice.is_reversed);
     let written = written(plain, index);
+    let said = Said::from_column(plain, index);
     let named = written.as_deref().and_then(|text| Unit::named(quantity, text));
+    let named = named.or(said.filter(|said| said.quantity == quantity).and_then(|said| said.unit));
     let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(plain, index, quantity));
     let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
     // A unit that is written and not known is another.
@@ -216,7 +236,7 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
         }
         None => {
             let in_what = match written {
-                Some(written) if Said::from_column(plain, index).is_some() => {
+                Some(written) if said.is_some() => {
                     format!("in `{written}`, which is not known here")
                 }
                 _ => String::from("without a unit"),
@@ -327,7 +347,7 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
     let mut values: Vec<String> = questions.iter().map(unit).collect();
     let column = |question: &Question| MissingOption::column(question.quantity, &question.header, "UNIT");
     let mut missing: Vec<MissingOption> = questions.iter().map(column).collect();
-    let is_driven = !options.without_command && !rcbenchmark::is_header(&plain.table.header);
+    let is_driven = !options.without_command && plain.dialect.usual.is_none();
     if is_driven && options.excitation.is_none() {
         asks.push("nothing says what drove the command");
         values.push(format!("--excitation: {EXCITATIONS}"));
@@ -349,9 +369,19 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
 
 /// The columns' names, for messages.
 fn listed(plain: &PlainTable<'_>) -> String {
-    let names = plain.table.header.iter().filter(|name| !name.is_empty());
-    let shown = names.map(|name| format!("`{}`", quoted(name)));
-    shown.take(MOST_LISTED).collect::<Vec<_>>().join(", ")
+    let names = plain.table.header.iter().enumerate().filter(|(_, name)| !name.is_empty());
+    let shown = |(column, name): (usize, &String)| match plain.label(column) {
+        Some(label) if !name.ends_with(label) => format!("`{}` (`{}`)", quoted(name), quoted(label)),
+        _ => format!("`{}`", quoted(name)),
+    };
+    let mut columns = names.map(shown).take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    if columns.is_empty() {
+        columns.push_str("none");
+    }
+    let beside = plain.beside.iter().map(|beside| format!("`{}` ({})", quoted(&beside.name), beside.shown));
+    let beside = beside.take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    let more = if beside.is_empty() { "" } else { "; no columns are " };
+    format!("{columns}{more}{beside}")
 }
 
 /// So many columns are listed: a log with more has them in no message.
@@ -366,7 +396,17 @@ struct Said {
 
 impl Said {
     fn from_column(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
-        let (base, in_name) = split(&plain.table.header[index]);
+        let label = plain.label(index)?;
+        let stated = || below(plain, index).or_else(|| behind_numbers(plain, index));
+        if let Some((quantity, unit)) = plain.dialect.meaning(label) {
+            let stated = stated().and_then(|unit| Unit::named(quantity, &unit));
+            return Some(Self { quantity, unit: stated.or_else(|| Unit::named(quantity, unit)) });
+        }
+        let (base, in_name) = split(label);
+        // `t` is the time, and `T` may be a torque or a temperature.
+        if in_name.is_none() && label.trim() == "T" {
+            return None;
+        }
         // A unit of another quantity overrules the name: `esc_rpm` is no command.
         let of_unit = in_name.as_deref().and_then(Unit::measured_quantity);
         let named = Quantity::ALL.into_iter().find(|quantity| quantity.spellings().contains(&base.as_str()));
@@ -376,7 +416,7 @@ impl Said {
             Some(quantity) => quantity,
             None => in_name.as_deref().filter(|_| base.is_empty()).and_then(named_by_unit)?,
         };
-        let written = in_name.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index));
+        let written = in_name.or_else(stated);
         let unit = written.as_deref().and_then(|written| Unit::named(quantity, written));
         // `motor` alone may be anything of a motor.
         (quantity != Quantity::Speed || unit.is_some() || base.contains("speed") || base == "rpm")
@@ -395,7 +435,11 @@ fn named_by_unit(unit: &str) -> Option<Quantity> {
 
 /// The unit that is written in a column's name, below it, or behind its numbers.
 fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
-    split(&plain.table.header[index]).1.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index))
+    plain
+        .label(index)
+        .and_then(|label| split(label).1)
+        .or_else(|| below(plain, index))
+        .or_else(|| behind_numbers(plain, index))
 }
 
 /// The unit behind its numbers.
@@ -510,7 +554,7 @@ mod tests {
         let text = text(header);
         let plain = plain(&text);
         let choices: Vec<ColumnChoice> = choices.iter().map(|choice| choice.parse().unwrap()).collect();
-        let mut list = ColumnList::new(&plain.table);
+        let mut list = ColumnList::new(&plain.table, &[]);
         let options = ImportOptions { columns: choices, ..ImportOptions::default() };
         let picks = Picks::choose(&plain, &options, &mut list)?;
         let show = |pick: Pick| {

@@ -49,3 +49,11 @@ fn the_motor_that_moves_is_taken() {
     assert!(experiment.records[0].command.iter().any(|command| *command > 0.1));
     assert!(summary.notes.iter().any(|note| note.contains("taken is motor 2")), "{:?}", summary.notes);
 }
+
+#[test]
+fn columns_of_a_matlab_file_are_stated() {
+    let columns = ["command=u:duty", "rpm=y:rpm", "time=t:s"];
+    let Some(record) = staircase("mat-column-ignored/log.mat", &columns) else { return };
+    assert!(record.time_s.len() > 1000 && record.rpm.is_some());
+    assert!(record.command.iter().all(|command| (0.0..=1.0).contains(command)));
+}
