@@ -22,6 +22,7 @@ mod plain;
 mod plain_columns;
 mod plain_layout;
 mod plain_response;
+mod plain_speeds;
 mod quantity;
 mod rcbenchmark;
 mod stamps;

@@ -8,7 +8,7 @@ use std::mem::take;
 use rotorlead_numerics::sample::median;
 
 use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
-use super::plain_columns::{Pick, Picks, is_electrical, option, other_speed};
+use super::plain_columns::{Pick, Picks, is_electrical, option};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
@@ -16,7 +16,9 @@ use super::rcbenchmark::MAX_OVERTAKING_S;
 use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
-use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing};
+use super::{
+    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, plain_speeds,
+};
 use crate::experiment::{Excitation, Output};
 
 /// Seconds of a day.
@@ -29,8 +31,6 @@ const SLOWER_THAN_A_LAG_S: f64 = 0.5;
 const MOST_STEADY_POINTS: usize = 1000;
 /// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
 const NEARLY_ALL: f64 = 0.9;
-/// Share of the greatest speed by which two sensors of it may differ.
-const OTHER_SPEED: f64 = 0.05;
 /// A rotor of a multicopter does not turn faster, revolutions per minute.
 const MOST_RPM: f64 = 200_000.0;
 /// No such rotor pulls more, newtons.
@@ -144,14 +144,21 @@ pub(super) fn take_table(
     if let (Some(pick), Some(thrust_n)) = (picks.thrust, &thrust_n) {
         notes.extend(reversed(table, pick, thrust_n));
     }
-    if let (Some(name), true) = (picks.speed.map(|pick| &table.header[pick.column]), rpm.is_some())
-        && is_electrical(name)
-    {
-        notes.push(format!(
-            "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
-             software"
-        ));
-        notes.extend(picks.speed.and_then(|pick| differing_speeds(&plain, pick)));
+    if let (Some(pick), true) = (picks.speed, rpm.is_some()) {
+        let name = &table.header[pick.column];
+        let is_electrical = is_electrical(name);
+        if is_electrical {
+            notes.push(format!(
+                "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
+                 software"
+            ));
+        }
+        let beside = picks.command.map(|command| plain_speeds::Beside { command, thrust: picks.thrust });
+        notes.extend(
+            (is_electrical || picks.is_another_speed_lost)
+                .then(|| plain_speeds::differing(&plain, pick, beside))
+                .flatten(),
+        );
     }
     Ok(Taken {
         summary: ImportSummary {
@@ -343,7 +350,7 @@ impl Rows<'_> {
             go_on_behind_midnight(&mut self.time);
         }
         let start = self.time.first().copied().unwrap_or(0.0);
-        self.time.iter_mut().for_each(|stamp| *stamp = converted(pick, *stamp - start));
+        self.time.iter_mut().for_each(|stamp| *stamp = pick.converted(*stamp - start));
         let is_shown = options.excitation.is_none() && self.are_points();
         if !is_stated && !is_shown {
             if let Some(even) = spread_bursts(&self.time) {
@@ -486,25 +493,6 @@ fn timing(time_s: &[f64], reordered: usize) -> Timing {
     }
 }
 
-/// What is to be said of an electrical speed that is not the optical one beside it: at low speed the motor's voltage shows none.
-fn differing_speeds(plain: &PlainTable<'_>, electrical: Pick) -> Option<String> {
-    let optical = other_speed(plain, electrical)?;
-    let numbers = plain.table.numbers(&[electrical, optical].map(|pick| (pick.column, pick.reading()))).ok()?;
-    let [one, other] = &numbers[..] else { return None };
-    let most = other.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let pairs = one.iter().zip(other).map(|(a, b)| (converted(electrical, *a), converted(optical, *b)));
-    let differ = pairs.filter(|(a, b)| (a - b).abs() > OTHER_SPEED * converted(optical, most)).count();
-    let [one, other] = [electrical, optical].map(|pick| &plain.table.header[pick.column]);
-    (differ > 0).then(|| {
-        format!(
-            "`{one}` and `{other}` differ by more than {} % of full speed in {differ} of {} rows: `{}` takes the other one",
-            100.0 * OTHER_SPEED,
-            numbers[0].len(),
-            option(Quantity::Speed, other, optical.unit.name)
-        )
-    })
-}
-
 /// Puts the numbers of a column in the unit of a record, where they are within what can be. `places` are their rows of the table.
 fn convert(
     table: &Table<'_>,
@@ -519,7 +507,7 @@ fn convert(
         _ => (f64::MAX, ""),
     };
     for (row, value) in values.iter_mut().enumerate() {
-        let found = converted(pick, *value);
+        let found = pick.converted(*value);
         if found.abs() > most {
             let name = &table.header[pick.column];
             let line = table.line(places[row]);
@@ -537,16 +525,7 @@ fn convert(
     Ok(())
 }
 
-/// A number as a record has it; that of a command is not one of these.
-fn converted(pick: Pick, value: f64) -> f64 {
-    let sign = if pick.is_reversed { -1.0 } else { 1.0 };
-    match pick.unit.scale {
-        Scale::Ratio(times, over) => sign * value * times / over,
-        Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
-    }
-}
-
-/// What [`converted`] does, in words.
+/// What [`Pick::converted`] does, in words.
 fn conversion(pick: Pick) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {

@@ -9,7 +9,7 @@ use super::plain_layout::PlainTable;
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{CellFormat, seconds_since_midnight};
-use super::{ImportError, ImportOptions};
+use super::{ImportError, ImportOptions, plain_speeds};
 use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
 
@@ -37,6 +37,15 @@ pub(super) struct Pick {
 }
 
 impl Pick {
+    /// A number as a record has it; that of a command is not one of these.
+    pub(super) fn converted(self, value: f64) -> f64 {
+        let sign = if self.is_reversed { -1.0 } else { 1.0 };
+        match self.unit.scale {
+            Scale::Ratio(times, over) => sign * value * times / over,
+            Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
+        }
+    }
+
     pub(super) fn reading(self) -> CellFormat {
         if self.unit.scale == Scale::Clock { CellFormat::Clock } else { CellFormat::Decimal }
     }
@@ -50,6 +59,8 @@ pub(super) struct Picks {
     pub(super) command: Option<Pick>,
     pub(super) thrust: Option<Pick>,
     pub(super) speed: Option<Pick>,
+    /// Whether the speed is taken because another one is lost at some levels of the command.
+    pub(super) is_another_speed_lost: bool,
     pub(super) voltage: Option<Pick>,
     pub(super) current: Option<Pick>,
 }
@@ -106,9 +117,21 @@ impl Picks {
         if !questions.is_empty() {
             return Err(ask(plain, &questions, options));
         }
-        let picks = Self { time, command, thrust, speed, voltage, current };
+        let mut picks = Self { time, command, thrust, speed, is_another_speed_lost: false, voltage, current };
+        picks.leave_lost_speed(plain);
         picks.say_why_others_are_left(plain, list);
         Ok(picks)
+    }
+
+    /// Takes another speed in place of one that is lost at some levels of the command, unless it was stated.
+    fn leave_lost_speed(&mut self, plain: &PlainTable<'_>) {
+        let (Some(speed), Some(command)) = (self.speed.filter(|speed| !speed.is_stated), self.command) else { return };
+        let beside = plain_speeds::Beside { command, thrust: self.thrust };
+        let other =
+            other_speed(plain, speed).filter(|other| plain_speeds::is_lost(plain, speed.column, other.column, beside));
+        if let Some(other) = other {
+            (self.speed, self.is_another_speed_lost) = (Some(other), true);
+        }
     }
 
     /// The columns that need as many numbers as each other.

@@ -400,10 +400,18 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     assert_eq!(column("ESC signal").note, "DShot: 48..2047 become 0..1, 0 is stop; guessed");
     assert_eq!(column("Motor Electrical").note, "zero or blank in every row");
     // Where both speeds move, the electrical one is taken, and what it misses is said.
-    let both = stand(dshot, "rad/s").replace(",0,31", ",3100,31");
+    let both = stand(dshot, "rad/s");
+    let with_electrical = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
+        [time, command, thrust, "0", optical, ""] => {
+            let electrical = if command == "0" { 0.8 } else { 0.9 } * optical.parse::<f64>().unwrap();
+            format!("{time},{command},{thrust},{electrical},{optical},\n")
+        }
+        _ => format!("{line}\n"),
+    };
+    let both: String = both.lines().map(with_electrical).collect();
     let Import { summary, .. } = taken(both, "none").unwrap();
     let note = summary.notes.iter().find(|note| note.contains("differ")).unwrap();
-    assert!(note.contains("in 300 of 400 rows") && note.contains("'rpm=Motor Optical Speed (rad/s):rad/s'"), "{note}");
+    assert!(note.contains("in 400 of 400 rows") && note.contains("'rpm=Motor Optical Speed (rad/s):rad/s'"), "{note}");
     // Orders to the ESC stand for a motor at rest.
     let orders = stand(dshot, "RPM").replace(",0,2,", ",13,2,");
     let Import { experiment, summary } = taken(&orders, "none").unwrap();
