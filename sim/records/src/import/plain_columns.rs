@@ -252,7 +252,9 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
     let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
     // A unit that is written and not known is another.
     let guess = || guessed(plain, index, quantity, options.pulse_range()).filter(|_| written.is_none());
-    let found = unit.map(|unit| (unit, None)).or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
+    let contradicted = |unit: Unit| stated.is_none().then(|| fraction(plain, index, unit)).flatten();
+    let unit = unit.map(|unit| contradicted(unit).map_or((unit, None), |(unit, because)| (unit, Some(because))));
+    let found = unit.or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
     Ok(match found {
         Some((unit, guessed_because)) => {
             Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), guessed_because })
@@ -341,6 +343,19 @@ fn guessed(
         return None;
     };
     Unit::named(quantity, name).map(|unit| (unit, because))
+}
+
+/// The unit of a command in percent whose numbers are a fraction, and what shows that: a header is believed unless no motor could be as it
+/// says. Derived: ESCs begin to turn a motor at 3 to 6 % of their range, so that a run below 1 % would be one of a motor that stands.
+fn fraction(plain: &PlainTable<'_>, column: usize, unit: Unit) -> Option<(Unit, &'static str)> {
+    if unit.quantity != Quantity::Command || unit.scale != Scale::Ratio(1.0, 100.0) {
+        return None;
+    }
+    let [values] = &plain.table.numbers(&[(column, CellFormat::Decimal)]).ok()?[..] else { return None };
+    let lies_within = |value: &f64| value.is_nan() || (0.0..=1.0).contains(value);
+    let is_fraction = values.iter().all(lies_within) && values.iter().any(|value| *value > 0.0);
+    let duty = Unit::named(unit.quantity, "duty").filter(|_| is_fraction)?;
+    Some((duty, "lie within 0..1, and no motor turns at 1 percent or less"))
 }
 
 /// The column `command` beside those of a record, which is such a record's: a duty.

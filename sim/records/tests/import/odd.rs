@@ -524,3 +524,19 @@ fn a_table_of_steady_points_is_a_static_map() {
     // A log of more rows than that is none, nor is one that holds its levels.
     assert!(message(taken(table(), "none")).contains("does not say what drove the command"));
 }
+
+#[test]
+fn a_fraction_in_a_column_called_percent_is_one() {
+    let fraction = |name: &str| with_command(name, |pulse| (pulse - 1000.0) / 1000.0);
+    for name in ["Throttle (%)", "throttle_percent", "cmd [pct]"] {
+        let Import { experiment, summary } = taken(fraction(name), "").unwrap();
+        assert_eq!(experiment.records[0].command[150], 0.5, "{name}");
+        let note = summary.notes.iter().find(|note| note.contains("guessed to be duty")).unwrap();
+        assert!(note.contains(name) && note.contains("no motor turns at 1 percent"), "{note}");
+    }
+    // What is stated is obeyed, and so is a header that may be right.
+    let Import { experiment, .. } = taken(fraction("throttle"), "command=throttle:percent").unwrap();
+    assert_eq!(experiment.records[0].command[150], 0.005);
+    let low = with_command("Throttle (%)", |pulse| (pulse - 1000.0) / 100.0);
+    assert_eq!(taken(low, "").unwrap().experiment.records[0].command[150], 0.05);
+}
