@@ -30,6 +30,11 @@ const GAINS_N: (f64, f64) = (1.5, 250.0);
 const THRUST_N_PER_W: (f64, f64) = (0.01, 0.8);
 /// Electrical power of a motor that lifts, watts. Chosen: 0.02 to 0.2 N, below which a sensor's zero counts for as much as the thrust.
 const LEAST_POWER_W: f64 = 1.0;
+/// Rows of less than this share of the greatest power show no thrust per power. Chosen: what an ESC takes at rest is less, and there are
+/// rows of half the greatest thrust from a third of its power on.
+const LEAST_POWER: f64 = 0.1;
+/// A command that stays below has been divided by 100 once too often. Derived: ESCs begin to turn a motor at 3 to 6 % of their range.
+const MOST_OF_A_FRACTION: f64 = 0.01;
 /// Gains beyond these are no motor's, revolutions per minute per unit of command. Chosen: revolutions per second are found up to 60 000
 /// rpm, electrical ones of 7 pole pairs from 14 300 rpm on.
 const GAINS_RPM: (f64, f64) = (1000.0, 100_000.0);
@@ -45,6 +50,8 @@ pub enum CommandUnit {
     Milliseconds,
     /// DSHOT, 48 to 2047.
     Dshot,
+    /// A duty that was divided by 100, as if it had been in percent.
+    Divided,
 }
 
 impl CommandUnit {
@@ -55,6 +62,7 @@ impl CommandUnit {
             Self::Microseconds => "so it seems to be a pulse width in microseconds",
             Self::Milliseconds => "so it seems to be a pulse width in milliseconds",
             Self::Dshot => "so it seems to be a DSHOT value",
+            Self::Divided => "which turns no motor: it seems to be a fraction that was taken for percent",
         }
     }
 
@@ -67,6 +75,9 @@ impl CommandUnit {
             }
             Self::Milliseconds => {
                 "write (command - low) / (high - low) with the ESC's pulse range, such as command - 1"
+            }
+            Self::Divided => {
+                "multiply `command` by 100, or import the log with its command's unit stated, as in `--column 'command=HEADER:duty'`"
             }
             Self::Dshot => "write (command - 48) / 1999: DSHOT's 48 to 2047 are the duty from 0 to 1",
         }
@@ -134,8 +145,13 @@ impl ResponseUnit {
 
 /// Whether `command` is in a unit other than a duty, or is the response.
 pub(super) fn check_command_unit(record: &Record, output: Output) -> Option<RecordFault> {
-    let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
+    if low >= 0.0 && high > low && high <= MOST_OF_A_FRACTION {
+        let row = record.command.iter().position(|command| *command > 0.0)?;
+        let unit = CommandUnit::Divided;
+        return Some(RecordFault::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit });
+    }
+    let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
         let (column, nominal) = (output.column(), record.nominal);
         return Some(RecordFault::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
@@ -233,17 +249,22 @@ pub(super) fn check_response_unit(
     }
 }
 
-/// Median thrust over median electrical power, newtons per watt; `None` without voltage and current, for a motor that idles,
-/// and for a thrust that has another zero.
+/// Median thrust over median electrical power of the rows in which the motor takes some, newtons per watt; `None` without voltage and
+/// current, for a motor that idles, and for a thrust that has another zero.
 fn thrust_per_power(record: &Record, response: &[f64]) -> Option<f64> {
     let (voltage, current) = (record.voltage_v.as_deref()?, record.current_a.as_deref()?);
-    let powers = voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes);
-    let (power, thrust) = (median(powers)?, median(response.iter().copied())?);
-    (power >= LEAST_POWER_W && extent(response).0 > 0.0).then(|| thrust / power)
+    let powers = || voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes);
+    let least = (LEAST_POWER * powers().fold(0.0, f64::max)).max(LEAST_POWER_W);
+    let (powers, thrusts): (Vec<f64>, Vec<f64>) =
+        powers().zip(response.iter().copied()).filter(|(power, _)| *power >= least).unzip();
+    let (power, thrust) = (median(powers)?, median(thrusts.iter().copied())?);
+    thrusts.iter().all(|thrust| *thrust > 0.0).then(|| thrust / power)
 }
 
 #[cfg(test)]
 mod tests {
+    use rotorlead_records::import::{ImportOptions, import};
+
     use super::*;
 
     #[test]
@@ -279,6 +300,52 @@ mod tests {
                 other => panic!("{other}"),
             });
             assert_eq!(found, unit, "{thrust}");
+        }
+    }
+
+    /// Rows of a motor of 50 kilograms-force, whose thrust in newtons is as large as that of a small one in grams-force.
+    #[test]
+    fn rows_at_rest_leave_the_power_to_judge_by() {
+        let large = [(48.4, 97.3, 9.2), (118.3, 96.2, 22.9), (210.4, 94.9, 41.0), (444.8, 91.4, 90.3)];
+        let small = [(48.4, 7.4, 0.9), (118.3, 7.3, 2.6), (210.4, 7.2, 5.5), (444.8, 7.0, 14.0)];
+        // At rest nothing is taken, or what the electronics take, and the load cell is off its zero by a little.
+        for (rest, current) in [(0.0, 0.0), (0.0, 0.05), (-0.4, 0.1), (0.3, 0.0)] {
+            for (rows, expected) in [(large, false), (small, true)] {
+                let rows: Vec<_> = [(rest, rows[0].1, current)].into_iter().chain(rows).collect();
+                let thrust: Vec<f64> = rows.iter().map(|row| row.0).collect();
+                let mut record = crate::testing::record(100.0, None, vec![0.5; rows.len()], Vec::new());
+                record.voltage_v = Some(rows.iter().map(|row| row.1).collect());
+                record.current_a = Some(rows.iter().map(|row| row.2).collect());
+                let found = check_response_unit(&record, Output::ThrustN, &thrust, Some(600.0));
+                let is_grams = matches!(found, Some(RecordFault::ResponseUnit { unit: ResponseUnit::Grams, .. }));
+                assert_eq!(is_grams, expected, "{rest} N and {current} A at rest: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_of_a_large_motor_is_in_newtons_as_it_says() {
+        let Some(file) = rotorlead_records::shared_data::data("cases/newtons-called-grams/table.csv") else { return };
+        let options =
+            ImportOptions { excitation: Some(rotorlead_records::Excitation::Steady), ..ImportOptions::default() };
+        let experiment = import(&file, &options).unwrap().experiment;
+        let found = crate::check::check_record(&experiment, &experiment.records[0], false);
+        assert!(found.iter().all(|finding| finding.topic != rotorlead_records::Topic::ResponseUnit), "{found:?}");
+    }
+
+    #[test]
+    fn a_command_that_turns_no_motor_is_the_column_that_is_wrong() {
+        for (levels, expected) in [
+            ([0.0, 0.002, 0.005, 0.008], true),
+            ([0.0015, 0.0018, 0.0015, 0.01], true),
+            ([0.0, 0.02, 0.05, 0.08], false),
+            ([0.5, 0.505, 0.495, 0.5], false),
+            ([0.0, 0.0, 0.0, 0.0], false),
+        ] {
+            let record = crate::testing::record(100.0, None, levels.to_vec(), Vec::new());
+            let found = check_command_unit(&record, Output::ThrustN);
+            let is_it = matches!(found, Some(RecordFault::CommandUnit { unit: CommandUnit::Divided, .. }));
+            assert_eq!(is_it, expected, "{levels:?}: {found:?}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with a log, and what to do about it.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use miette::Diagnostic;
@@ -8,6 +9,24 @@ use thiserror::Error;
 use super::format::LogFormat;
 use super::missing::{EXCITATIONS, MissingOption};
 use crate::files::shown;
+
+/// Where a row of a log is, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text.
+    Line(u64),
+    /// Sample of a binary log.
+    Sample(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(number) => write!(formatter, "line {number}"),
+            Self::Sample(number) => write!(formatter, "sample {number}"),
+        }
+    }
+}
 
 /// Why a log was not taken. Every variant names the file and, where there is one, the line and the
 /// column.
@@ -209,55 +228,55 @@ pub enum ImportError {
         column: String,
     },
     /// Text where a number belongs.
-    #[error("{}, line {line}, column `{column}`: `{text}` is not a finite number", file.display())]
+    #[error("{}, {line}, column `{column}`: `{text}` is not a finite number", file.display())]
     #[diagnostic(help("correct the value, or delete the row if it is a remark or a damaged line"))]
     NotANumber {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there.
         text: String,
     },
     /// The header stands among the rows.
-    #[error("{}, line {line}: the header stands here once more", file.display())]
+    #[error("{}, {line}: the header stands here once more", file.display())]
     #[diagnostic(help("two logs are in one file: cut it there and import the parts one by one"))]
     SecondHeader {
         /// The log.
         file: PathBuf,
-        /// Line, the first being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
     },
     /// A comma that may be a decimal mark or a separator of thousands.
-    #[error("{}, line {line}, column `{column}`: `{text}` may be a number of thousands or have a decimal comma", file.display())]
+    #[error("{}, {line}, column `{column}`: `{text}` may be a number of thousands or have a decimal comma", file.display())]
     #[diagnostic(help("export the log with decimal points and without separators of thousands"))]
     UnclearComma {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there.
         text: String,
     },
     /// A value is missing between rows that have it.
-    #[error("{}, line {line}, column `{column}`: {found}, though rows before and after have a value", file.display())]
+    #[error("{}, {line}, column `{column}`: {found}, though rows before and after have a value", file.display())]
     #[diagnostic(help("delete the row, or cut the log there and import the parts one by one"))]
     Blank {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there.
         found: String,
     },
     /// A column that is needed has hardly a number.
-    #[error("{}, line {line}, column `{column}`: empty, as in {blank} of {rows} rows", file.display())]
+    #[error("{}, {line}, column `{column}`: empty, as in {blank} of {rows} rows", file.display())]
     #[diagnostic(help(
         "a column that is asked for, or that is the response, needs a number in more than half of the rows: choose another \
          with --response or --column, or record it at the rate of the other columns"
@@ -265,8 +284,8 @@ pub enum ImportError {
     MostlyBlank {
         /// The log.
         file: PathBuf,
-        /// The first line without a number, the header being 1.
-        line: u64,
+        /// The first row without a number.
+        line: Place,
         /// The column.
         column: String,
         /// Rows without a number.
@@ -329,15 +348,15 @@ pub enum ImportError {
         lasts_s: f64,
     },
     /// A number that no motor of a multicopter reaches.
-    #[error("{}, line {line}, column `{column}`: {problem}, which cannot be", file.display())]
+    #[error("{}, {line}, column `{column}`: {problem}, which cannot be", file.display())]
     #[diagnostic(help(
         "where its unit is another, state it with `{remedy}`; where the value is a glitch, delete the row"
     ))]
     Impossible {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there, in the unit that it was taken in, and the most that can be.
@@ -346,7 +365,7 @@ pub enum ImportError {
         remedy: String,
     },
     /// A command outside the range that is normalized to 0..1.
-    #[error("{}, line {line}, column `{column}`: {} is outside {low}..{high}", file.display(), shown(*value))]
+    #[error("{}, {line}, column `{column}`: {} is outside {low}..{high}", file.display(), shown(*value))]
     #[diagnostic(help(
         "where the command is a pulse width, state the ESC's range (zero and full command) with --pulse-us; else its unit is \
          another than its column says"
@@ -354,8 +373,8 @@ pub enum ImportError {
     OutOfRange {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there.
@@ -366,20 +385,20 @@ pub enum ImportError {
         high: f64,
     },
     /// A time stamp that cannot be read.
-    #[error("{}, line {line}, column `{column}`: `{text}` is not a time stamp", file.display())]
+    #[error("{}, {line}, column `{column}`: `{text}` is not a time stamp", file.display())]
     #[diagnostic(help("expected `YYYY-MM-DD hh:mm:ss:mmm`; correct it or delete the row"))]
     TimeStamp {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// What is there.
         text: String,
     },
     /// Time runs backwards by more than rows can overtake each other.
-    #[error("{}, line {line}, column `{column}`: time runs backwards by {} s", file.display(), shown(*by_s))]
+    #[error("{}, {line}, column `{column}`: time runs backwards by {} s", file.display(), shown(*by_s))]
     #[diagnostic(help(
         "this looks like two logs in one file: cut it there and import the parts one by one; where each row is a steady point, \
          say so with `--excitation steady`"
@@ -387,8 +406,8 @@ pub enum ImportError {
     TimeRunsBack {
         /// The log.
         file: PathBuf,
-        /// Line, the header being 1.
-        line: u64,
+        /// Where it is.
+        line: Place,
         /// The column.
         column: String,
         /// By how much, in seconds.
@@ -425,21 +444,6 @@ pub enum ImportError {
     Hdf5 {
         /// The log.
         file: PathBuf,
-    },
-    /// No vector's name stands for a signal that is needed.
-    #[error("{}: no vector of a known name for `{signal}`; the file has {there}", file.display())]
-    #[diagnostic(help("rename the vector; known, whatever the capitals and underscores: {known}{within}"))]
-    MissingSignal {
-        /// The log.
-        file: PathBuf,
-        /// The column of the record, or those of which one is needed.
-        signal: String,
-        /// The variables of the file, each with what it is.
-        there: String,
-        /// The names that stand for the signal.
-        known: String,
-        /// What may be done beside, where a variable may hold the vector.
-        within: String,
     },
     /// A variable or field that cannot be what its name says.
     #[error("{}, variable `{name}`: {problem}", file.display())]

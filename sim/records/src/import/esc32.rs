@@ -36,7 +36,7 @@ pub(super) fn table<'a>(file: &Path, text: &'a str) -> Option<Table<'a>> {
 }
 
 fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
-    let mut columns = ColumnList::new(table);
+    let mut columns = ColumnList::new(table, &[]);
     let need = |name: &str| {
         table.find(name).ok_or_else(|| ImportError::MissingColumn { file: table.file.clone(), column: name.into() })
     };

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use serde::{Serialize, Serializer};
 
+use super::quantity::Quantity;
 use super::{ImportError, ImportOptions, Taken, blackbox, dataflash, esc32, mat, plain, rcbenchmark, ulog};
+use crate::experiment::Excitation;
 
 /// All formats, in the order in which a log is tried as one: any table comes last.
 pub const FORMATS: [&LogFormat; 7] = [
@@ -47,12 +49,35 @@ pub(super) enum Reader {
     /// From text.
     Text(Read<str>),
     /// As a table, where the names of its columns are the format's.
-    Table {
-        is_header: fn(&[String]) -> bool,
-        /// Whether it comes from a thrust stand: rows may overtake each other on their way, the response is the speed, and a staircase
-        /// drives it.
-        is_stand: bool,
-    },
+    Table { is_header: fn(&[String]) -> bool, dialect: &'static Dialect },
+}
+
+/// Names of columns, as [`spelled`] gives them, what each measures, and its unit.
+pub(super) type Names = &'static [(Quantity, &'static str, &'static [&'static str])];
+
+/// What is known of a format's table beside what the names of its columns say in any.
+#[derive(Debug)]
+pub(super) struct Dialect {
+    /// Names that say quantity and unit in this format.
+    pub(super) names: Names,
+    /// Whether it comes from a thrust stand: rows may overtake each other on their way, and the response is the speed.
+    pub(super) is_stand: bool,
+    /// What drives logs of this kind, unless stated.
+    pub(super) usual: Option<Excitation>,
+}
+
+impl Dialect {
+    /// What a column of this name measures, and its unit.
+    pub(super) fn meaning(&self, name: &str) -> Option<(Quantity, &'static str)> {
+        let spelled = spelled(name);
+        let named = self.names.iter().find(|(.., names)| names.contains(&spelled.as_str()));
+        named.map(|(quantity, unit, _)| (*quantity, *unit))
+    }
+}
+
+/// A name in small letters without underscores. Of one letter it is kept: `t` is the time, `T` may be a torque.
+pub(super) fn spelled(name: &str) -> String {
+    if name.chars().count() == 1 { name.to_owned() } else { name.to_lowercase().replace('_', "") }
 }
 
 /// Bytes of memory per byte of a log that is not compressed. A row of two bytes takes up to 400: doubles in the column that was read,

@@ -50,7 +50,8 @@ impl Held {
         // A row's command is on.
         let of_row = |place: &usize| values[places.partition_point(|on| on < place)];
         let origin_us = response[self.rows[0]].0;
-        let seconds = |place: &usize| (command[*place].0 - origin_us) * 1e-6;
+        // As the rows count theirs: stamps that are equal stay so.
+        let seconds = |place: &usize| command[*place].0 * 1e-6 - origin_us * 1e-6;
         Ok(HeldCommand {
             at_rows: self.commands.iter().map(of_row).collect(),
             own: places.iter().map(seconds).zip(values.iter().copied()).collect(),

@@ -1,272 +1,273 @@
-//! MATLAB files (`save -v6` and `save -v7`): named vectors, one per signal.
+//! MATLAB files (`save -v6` and `save -v7`): vectors, columns of matrices, fields of structs and of objects, as the columns of a table,
+//! of which `plain` takes what it takes of any.
 //!
-//! Names say what a vector is and in which unit: `time_ms`, `command_percent`, `thrust_gf`. The table
-//! of names is [`SPELLINGS`]; capitals and underscores do not matter, except in names of one letter
-//! (`t` is the time, `T` may be a torque). Nothing is concluded from the size of the numbers.
+//! A column is called as MATLAB calls it: `t`, `Data(:,1)`, `run.Y(2).Data`. Names say what a vector is and in which unit, as in the header
+//! of a table; a name without a unit is in that of [`SPELLINGS`]. Nothing is concluded from the size of the numbers. Where a
+//! struct has a name beside its numbers, as dSPACE's `Y(k).Name` and `Y(k).Data` and Simulink's `signals(k).label` and
+//! `signals(k).values`, that is what they are called too. One number called `Ts` is the interval of rows that have no times.
 
-use std::f64::consts::PI;
+use std::borrow::Cow;
+use std::fmt::Write as _;
 use std::path::Path;
 
-use super::binary_columns::{normalized, zero_based_stamps};
-use super::format::{LogFormat, Reader};
-use super::mat5::{self, Kind, Variable};
-use super::plain_columns::MOST_LISTED;
-use super::quantity::{N_PER_GF, Quantity};
-use super::summary::{ColumnUse, DroppedRows};
-use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken};
-use crate::experiment::{Excitation, Output};
+use super::binary_columns::zero_based_stamps;
+use super::format::{Dialect, LogFormat, Names, Reader, UNCOMPRESSED, spelled};
+use super::mat5::{self, Content, Variable};
+use super::plain::take_table;
+use super::plain_layout::{Beside, PlainTable};
+use super::quantity::Quantity;
+use super::table::Table;
+use super::{ImportError, ImportOptions, Taken};
+use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
 
-/// How a vector's numbers become those of the column.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
-    Factor(f64),
-    /// The stated range of pulse widths becomes 0..1.
-    Pulse,
-}
-
-/// Names, in small letters without underscores; the first of a signal's that is there is taken.
-const SPELLINGS: &[(Quantity, Scale, &[&str])] = &[
-    (Quantity::Time, Scale::Factor(1.0), &["time", "t", "times", "ts", "timesec", "tsec", "seconds"]),
-    (Quantity::Time, Scale::Factor(1e-3), &["timems", "tms"]),
-    (Quantity::Time, Scale::Factor(1e-6), &["timeus", "tus"]),
-    (Quantity::Command, Scale::Factor(1.0), &["command", "cmd", "u", "throttle", "motorcommand", "throttlecommand"]),
-    (Quantity::Command, Scale::Factor(0.01), &["commandpercent", "cmdpercent", "throttlepercent", "throttlepct"]),
-    (Quantity::Command, Scale::Pulse, &["commandus", "cmdus", "throttleus", "pwmus", "pulseus", "escus", "pwm"]),
-    (Quantity::Thrust, Scale::Factor(1.0), &["thrust", "thrustn", "force", "forcen"]),
-    (Quantity::Thrust, Scale::Factor(N_PER_GF), &["thrustgf", "thrustg"]),
-    (Quantity::Thrust, Scale::Factor(1e3 * N_PER_GF), &["thrustkgf", "thrustkg"]),
-    (Quantity::Speed, Scale::Factor(1.0), &["rpm", "speedrpm", "motorrpm", "rotorrpm"]),
-    (Quantity::Speed, Scale::Factor(30.0 / PI), &["omega", "omegarads", "speedrads"]),
-    (Quantity::Speed, Scale::Factor(60.0), &["rps", "speedhz"]),
-    (
-        Quantity::Voltage,
-        Scale::Factor(1.0),
-        &["voltage", "voltagev", "volts", "vbat", "batteryvoltage", "supplyvoltage"],
-    ),
-    (
-        Quantity::Current,
-        Scale::Factor(1.0),
-        &["current", "currenta", "amps", "ibat", "batterycurrent", "supplycurrent"],
-    ),
+/// What a vector of such a name is, and in which unit.
+const SPELLINGS: Names = &[
+    (Quantity::Time, "s", &["time", "t", "times", "ts", "timesec", "tsec", "seconds", "tout", "dt", "sampletime"]),
+    (Quantity::Time, "ms", &["timems", "tms"]),
+    (Quantity::Time, "us", &["timeus", "tus"]),
+    (Quantity::Command, "duty", &["command", "cmd", "u", "throttle", "motorcommand", "throttlecommand", "inputdata"]),
+    (Quantity::Command, "percent", &["commandpercent", "cmdpercent", "throttlepercent", "throttlepct"]),
+    (Quantity::Command, "us", &["commandus", "cmdus", "throttleus", "pwmus", "pulseus", "escus", "pwm"]),
+    (Quantity::Thrust, "N", &["thrust", "thrustn", "force", "forcen"]),
+    (Quantity::Thrust, "gf", &["thrustgf", "thrustg"]),
+    (Quantity::Thrust, "kgf", &["thrustkgf", "thrustkg"]),
+    (Quantity::Speed, "rpm", &["rpm", "speedrpm", "motorrpm", "rotorrpm"]),
+    (Quantity::Speed, "rad/s", &["omega", "omegarads", "speedrads"]),
+    (Quantity::Speed, "rev/s", &["rps", "speedhz"]),
+    (Quantity::Voltage, "V", &["voltage", "voltagev", "volts", "vbat", "batteryvoltage", "supplyvoltage"]),
+    (Quantity::Current, "A", &["current", "currenta", "amps", "ibat", "batterycurrent", "supplycurrent"]),
 ];
 
-/// The place of `name` in [`SPELLINGS`] (smaller is taken first), and what it stands for.
-fn meaning(name: &str) -> Option<(usize, Quantity, Scale)> {
-    let plain =
-        if name.len() == 1 { name.to_string() } else { name.to_lowercase().chars().filter(|&c| c != '_').collect() };
-    let all = SPELLINGS.iter().flat_map(|(signal, scale, names)| names.iter().map(move |n| (*signal, *scale, *n)));
-    all.enumerate().find(|(_, (_, _, n))| *n == plain).map(|(place, (signal, scale, _))| (place, signal, scale))
+/// Numbers of these names, where there is one, are the interval of the rows, seconds.
+const INTERVALS: [&str; 3] = ["ts", "dt", "sampletime"];
+/// Fields that hold the numbers of a signal, beside those that name it and say its unit: dSPACE's, Simulink's, and old `iddata`'s.
+const SIGNALS: [(&str, &str, &str); 2] = [("Data", "Name", "Unit"), ("values", "label", "unit")];
+/// The field of dSPACE's that holds the times of its `Y`, where there is one, and where there are several.
+const TIMES: &str = "X";
+const TIMES_OF_SEVERAL: &str = "X(";
+/// A matrix has a signal in each of its shorter lines, up to so many. Chosen: more than a stand has channels; what has more is a picture.
+const MOST_SIGNALS: usize = 64;
+
+const DIALECT: Dialect = Dialect { names: SPELLINGS, is_stand: false, usual: Some(Excitation::Staircase) };
+
+fn is_time(name: &str) -> bool {
+    DIALECT.meaning(name).is_some_and(|(quantity, _)| quantity == Quantity::Time)
 }
 
-impl Variable {
-    /// What it is: `1000x3 numbers`, `a timeseries object`.
-    fn shown(&self) -> String {
-        let sizes: Vec<String> = self.dimensions.iter().map(ToString::to_string).collect();
-        match &self.kind {
-            Kind::Real => format!("{} numbers", sizes.join("x")),
-            Kind::Complex => String::from("complex numbers"),
-            Kind::Sparse => String::from("a sparse matrix"),
-            Kind::Cell => String::from("a cell array"),
-            Kind::Struct => String::from("a struct"),
-            Kind::Text => String::from("text"),
-            Kind::FunctionHandle => String::from("a function handle"),
-            Kind::Object(class) => format!("a {class} object"),
-            Kind::Unknown => String::from("data of an unknown class"),
-        }
-    }
-
-    /// What to do in MATLAB before its numbers can be taken; `None` of a vector, whichever of its dimensions it lies along.
-    fn remedy(&self) -> Option<String> {
-        let x = quoted(&self.name);
-        Some(match &self.kind {
-            Kind::Real if self.dimensions.contains(&0) => {
-                format!("`{x}` is empty: save the variable that holds the rows")
-            }
-            Kind::Real if self.dimensions.iter().filter(|&&size| size != 1).count() <= 1 => return None,
-            Kind::Real => format!("save each column of `{x}` as a vector of its own, as in `thrust = {x}(:, 2)`"),
-            Kind::Complex => format!("save `real({x})` if its imaginary parts are zero, or else what was measured"),
-            Kind::Sparse => format!("save `full({x})`"),
-            Kind::Cell => format!("save `cell2mat({x})`, or each signal in it as a vector of its own"),
-            Kind::Struct => format!("save the fields of `{x}` as vectors: `save(file, '-struct', '{x}', '-v7')`"),
-            Kind::Text => format!("save numbers in place of `{x}`, such as `str2double({x})`"),
-            Kind::FunctionHandle => format!("save the numbers that `{x}` gives, as in `command = {x}(time)`"),
-            Kind::Object(_) => format!(
-                "only MATLAB reads `{x}`: save its numbers as vectors, those of a timeseries as `time = {x}.Time` and \
-                 `rpm = {x}.Data`, those of a table as `rpm = {x}.rpm`, those of a duration as `time = seconds({x})`"
-            ),
-            Kind::Unknown => format!("save the numbers of `{x}` as vectors"),
-        })
-    }
-}
-
-/// A vector that is taken.
-struct Source {
-    place: usize,
-    /// Its place in the list of columns.
-    column: usize,
-    signal: Quantity,
-    scale: Scale,
+/// A vector that may be a column.
+struct Column {
     name: String,
+    /// What says what it is: the last part of its name, or what the file calls it; nothing of a matrix's.
+    label: Option<String>,
+    unit: String,
     values: Vec<f64>,
 }
 
+/// The columns of a file, and what else is in it.
+#[derive(Default)]
+struct Columns {
+    columns: Vec<Column>,
+    beside: Vec<Beside>,
+}
+
+impl Columns {
+    /// Adds these variables of one workspace or struct, whose name is in front of theirs.
+    fn add_all(&mut self, front: &str, variables: Vec<Variable>) {
+        let first = self.columns.len();
+        let interval = |variable: &Variable| {
+            let name = variable.name.trim_start_matches('.');
+            let seconds = single(&variable.content).filter(|_| INTERVALS.contains(&spelled(name).as_str()));
+            seconds.map(|seconds| (format!("{front}{}", variable.name), name.to_owned(), seconds))
+        };
+        let interval = variables.iter().find_map(interval);
+        let texts: Vec<(String, String)> = variables.iter().filter_map(text).collect();
+        for variable in variables {
+            self.add(front, variable, &texts);
+        }
+        let added = &self.columns[first..];
+        let has_times = added.iter().any(|column| column.label.as_deref().is_some_and(is_time));
+        let rows = added.iter().map(|column| column.values.len()).max().unwrap_or(0);
+        if let Some((name, label, seconds)) = interval.filter(|_| !has_times && rows > 0) {
+            self.beside.retain(|beside| beside.name != name);
+            let values = (0..rows).map(|row| row as f64 * seconds).collect();
+            self.columns.push(Column { name, label: Some(label), unit: String::from("s"), values });
+        }
+    }
+
+    /// Adds a variable, beside which its struct has `texts`.
+    fn add(&mut self, front: &str, variable: Variable, texts: &[(String, String)]) {
+        let name = format!("{front}{}", variable.name);
+        let remedy = variable.remedy(&name);
+        let shown = variable.shown();
+        let mut lengths = variable.dimensions.iter().copied().filter(|&size| size != 1);
+        match (variable.content, (lengths.next(), lengths.next(), lengths.next())) {
+            (Content::Real(values), (Some(rows), None, _)) if rows > 0 => {
+                let (owner, field) = name.rsplit_once('.').unwrap_or(("", &name));
+                let owner = owner.rsplit('.').next().unwrap_or(owner);
+                let beside = |field: &str| {
+                    let is_it = |(name, text): &&(String, String)| name[1..] == *field && !text.is_empty();
+                    texts.iter().find(is_it).map(|(_, text)| text.clone())
+                };
+                let signal = SIGNALS.iter().find(|(values, ..)| *values == field);
+                let label = match signal {
+                    // They may be called as the task that took them.
+                    Some(_) if owner == TIMES || owner.starts_with(TIMES_OF_SEVERAL) => String::from("time"),
+                    Some((_, name, _)) => beside(name).unwrap_or_else(|| owner.to_owned()),
+                    None => field.to_owned(),
+                };
+                let unit = signal.and_then(|(.., unit)| beside(unit)).unwrap_or_default();
+                self.columns.push(Column { name, label: Some(label), unit, values });
+            }
+            (Content::Real(values), (Some(rows), Some(columns), None))
+                if (1..=MOST_SIGNALS).contains(&rows.min(columns)) =>
+            {
+                let mut push = |at: String, values: Vec<f64>| {
+                    self.columns.push(Column { name: format!("{name}{at}"), label: None, unit: String::new(), values });
+                };
+                if rows >= columns {
+                    let lines = values.chunks_exact(rows).enumerate();
+                    lines.for_each(|(column, values)| push(format!("(:,{})", column + 1), values.to_vec()));
+                } else {
+                    let line = |row: usize| values.iter().skip(row).step_by(rows).copied().collect();
+                    (0..rows).for_each(|row| push(format!("({},:)", row + 1), line(row)));
+                }
+            }
+            (Content::Struct(_, parts) | Content::Cell(parts), _) if !parts.is_empty() => self.add_parts(&name, parts),
+            _ => {
+                let quantity = DIALECT.meaning(name.rsplit('.').next().unwrap_or(&name)).map(|(quantity, _)| quantity);
+                self.beside.push(Beside { name, shown, remedy, quantity });
+            }
+        }
+    }
+
+    /// Adds the parts of a variable, those of each struct of an array together.
+    fn add_parts(&mut self, name: &str, parts: Vec<Variable>) {
+        let owner = |part: &Variable| part.name.rfind('.').map_or(0, |dot| dot);
+        let mut parts = parts.into_iter().peekable();
+        while let Some(first) = parts.next() {
+            let front = first.name[..owner(&first)].to_owned();
+            let mut group = vec![first];
+            while let Some(part) = parts.next_if(|part| part.name[..owner(part)] == front) {
+                group.push(part);
+            }
+            for part in &mut group {
+                part.name.drain(..front.len());
+            }
+            self.add_all(&format!("{name}{front}"), group);
+        }
+    }
+}
+
+/// The number of a variable that is one, also in a cell.
+fn single(content: &Content) -> Option<f64> {
+    match content {
+        Content::Real(values) if values.len() == 1 => values.first().copied().filter(|value| *value > 0.0),
+        Content::Cell(cells) => cells.first().filter(|_| cells.len() == 1).and_then(|cell| single(&cell.content)),
+        _ => None,
+    }
+}
+
+/// The name and the text of a field that is one.
+fn text(variable: &Variable) -> Option<(String, String)> {
+    match &variable.content {
+        Content::Text(text) if variable.name.starts_with('.') => Some((variable.name.clone(), text.trim().to_owned())),
+        _ => None,
+    }
+}
+
+impl Variable {
+    /// What it is: `1000x3 numbers`, `an object of class timeseries`.
+    fn shown(&self) -> String {
+        let sizes: Vec<String> = self.dimensions.iter().map(ToString::to_string).collect();
+        match &self.content {
+            Content::Real(_) => format!("{} numbers", sizes.join("x")),
+            Content::Packed => format!("{} numbers, packed tighter than any recording", sizes.join("x")),
+            Content::Complex => String::from("complex numbers"),
+            Content::Sparse => String::from("a sparse matrix"),
+            Content::Cell(_) => String::from("a cell array"),
+            Content::Struct(None, _) => String::from("a struct"),
+            Content::Text(_) => String::from("text"),
+            Content::FunctionHandle => String::from("a function handle"),
+            Content::Struct(Some(class), _) | Content::Object(class) => format!("an object of class {class}"),
+            Content::Unknown => String::from("data of an unknown class"),
+        }
+    }
+
+    /// What to do in MATLAB before the numbers of what is called `name` can be taken.
+    fn remedy(&self, name: &str) -> String {
+        let x = quoted(name);
+        match &self.content {
+            Content::Real(_) if self.dimensions.contains(&0) => {
+                format!("`{x}` is empty: save the variable that holds the rows")
+            }
+            Content::Real(_) | Content::Packed => {
+                format!("save each column of `{x}` as a vector of its own, as in `thrust = {x}(:, 2)`")
+            }
+            Content::Complex => format!("save `real({x})` if its imaginary parts are zero, or else what was measured"),
+            Content::Sparse => format!("save `full({x})`"),
+            Content::Cell(_) => format!("save `cell2mat({x})`, or each signal in it as a vector of its own"),
+            Content::Struct(None, _) => {
+                format!("save the fields of `{x}` as vectors: `save(file, '-struct', '{x}', '-v7')`")
+            }
+            Content::Text(_) => format!("save numbers in place of `{x}`, such as `str2double({x})`"),
+            Content::FunctionHandle => format!("save the numbers that `{x}` gives, as in `command = {x}(time)`"),
+            Content::Struct(Some(_), _) | Content::Object(_) => format!(
+                "only MATLAB reads `{x}`: save its numbers as vectors, those of a timeseries as `time = {x}.Time` and \
+                 `rpm = {x}.Data`, those of an iddata as `u = {x}.u`, `y = {x}.y` and `Ts = {x}.Ts`, those of a table as `rpm = {x}.rpm`, \
+                 those of a duration as `time = seconds({x})`"
+            ),
+            Content::Unknown => format!("save the numbers of `{x}` as vectors"),
+        }
+    }
+}
+
+/// The variables as a table.
+fn table<'a>(file: &Path, variables: Vec<Variable>) -> PlainTable<'a> {
+    let mut found = Columns::default();
+    found.add_all("", variables);
+    let Columns { mut columns, beside } = found;
+    // The longest first, so that what is behind the end of a shorter one takes no place.
+    columns.sort_by_key(|column| std::cmp::Reverse(column.values.len()));
+    let mut text = String::new();
+    for row in 0..columns.first().map_or(0, |column| column.values.len()) {
+        let cells = columns.iter().map_while(|column| column.values.get(row));
+        for (place, value) in cells.enumerate() {
+            let separator = if place == 0 { "" } else { "," };
+            // Text takes anything.
+            let _ = match value.abs() {
+                0.0 | 1e-5..1e15 => write!(text, "{separator}{value}"),
+                _ => write!(text, "{separator}{value:e}"),
+            };
+        }
+        text.push('\n');
+    }
+    let counts = columns.iter().map(|column| column.values.len()).collect();
+    let header = columns.iter().map(|column| column.name.clone()).collect();
+    PlainTable {
+        table: Table::of_samples(file, header, Cow::Owned(text), counts),
+        units: columns.iter().map(|column| column.unit.clone()).collect(),
+        labels: columns.into_iter().map(|column| column.label).collect(),
+        beside,
+        dialect: &DIALECT,
+        header_line: None,
+        notes: Vec::new(),
+    }
+}
+
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let mut variables = mat5::read(bytes, |name| meaning(name).is_some()).map_err(|damage| ImportError::Damaged {
+    let variables = mat5::read(bytes).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
         problem: damage.problem,
     })?;
-    let mut columns: Vec<ColumnUse> = Vec::new();
-    let mut sources: Vec<Source> = Vec::new();
-    for (column, variable) in variables.iter_mut().enumerate() {
-        let mut note = String::from("no known name");
-        if let Some((place, signal, scale)) = meaning(&variable.name) {
-            note = match (variable.remedy(), variable.values.take()) {
-                (None, Some(values)) => {
-                    sources.push(Source { place, column, signal, scale, name: variable.name.clone(), values });
-                    format!("another vector was taken as {}", signal.column())
-                }
-                _ => format!("{}, and no vector of numbers", variable.shown()),
-            };
-        }
-        columns.push(ColumnUse { name: variable.name.clone(), taken_as: None, note });
-    }
-    sources.sort_by_key(|s| s.place);
-    let mut pick = |signal: Quantity| {
-        let at = sources.iter().position(|s| s.signal == signal)?;
-        Some(sources.remove(at))
-    };
-    let missing = |signals: &[Quantity]| missing(file, &variables, signals);
-    let time = pick(Quantity::Time).ok_or_else(|| missing(&[Quantity::Time]))?;
-    let command = pick(Quantity::Command).ok_or_else(|| missing(&[Quantity::Command]))?;
-    let (thrust, speed) = (pick(Quantity::Thrust), pick(Quantity::Speed));
-    if thrust.is_none() && speed.is_none() {
-        return Err(missing(&[Quantity::Thrust, Quantity::Speed]));
-    }
-    let supply = [pick(Quantity::Voltage), pick(Quantity::Current)];
-    let rows_read = time.values.len();
-    for source in [Some(&command), thrust.as_ref(), speed.as_ref()].into_iter().flatten() {
-        if source.values.len() != rows_read {
-            let problem = format!("{} numbers, but `{}` has {rows_read}", source.values.len(), time.name);
-            return Err(ImportError::Vector { file: file.into(), name: source.name.clone(), problem });
-        }
-    }
-    let needed = [Some(&time), Some(&command), thrust.as_ref(), speed.as_ref()];
-    let whole = |&row: &usize| needed.iter().flatten().all(|source| !source.values[row].is_nan());
-    let rows: Vec<usize> = (0..rows_read).filter(whole).collect();
-    let mut dropped = Vec::new();
-    if rows.len() < rows_read {
-        let reason = String::from("NaN in the time, the command or the response");
-        dropped.push(DroppedRows { rows: rows_read - rows.len(), reason });
-    }
-    if rows.len() < MIN_ROWS {
-        return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
-    }
-
-    let mut column_of = |source: &Source| -> Result<Vec<f64>, ImportError> {
-        let entry = &mut columns[source.column];
-        entry.taken_as = Some(source.signal.column().into());
-        let mut values = Vec::with_capacity(rows.len());
-        for &row in &rows {
-            let value = source.values[row];
-            if !value.is_finite() {
-                return Err(sample(file, &source.name, row, value, "not finite"));
-            }
-            values.push(value);
-        }
-        entry.note = match source.scale {
-            Scale::Pulse => {
-                let (low, high) = options.pulse_range();
-                format!("{low}..{high} µs become 0..1, stated and not measured")
-            }
-            Scale::Factor(1.0) => String::from("as it stands"),
-            Scale::Factor(factor) => format!("times {factor}"),
-        };
-        if let Scale::Factor(factor) = source.scale {
-            values.iter_mut().for_each(|v| *v *= factor);
-        }
-        Ok(values)
-    };
-    let time_s = column_of(&time)?;
-    let drive = column_of(&command)?;
-    let thrust_n = thrust.as_ref().map(&mut column_of).transpose()?;
-    let rpm = speed.as_ref().map(&mut column_of).transpose()?;
-    let range = if command.scale == Scale::Pulse { options.pulse_range() } else { (0.0, 1.0) };
-    let drive = normalized(file, &command.name, &rows, drive, range)?;
-    let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, &time.name, &rows, time_s)?;
-    columns[time.column].note.push_str(", from the first row taken");
-
-    let [voltage_v, current_a] = supply.map(|source| {
-        let source = source?;
-        let filled = source.values.len() == rows_read && rows.iter().all(|&row| source.values[row].is_finite());
-        let entry = &mut columns[source.column];
-        if !filled {
-            entry.note = format!("not a finite number in each of {} rows", rows.len());
-            return None;
-        }
-        entry.taken_as = Some(source.signal.column().into());
-        entry.note = String::from("as it stands");
-        Some(rows.iter().map(|&row| source.values[row]).collect())
-    });
-    let mut notes = Vec::new();
-    if thrust_n.is_some() && rpm.is_some() && options.output.is_none() {
-        notes.push(String::from(
-            "thrust and speed are both there: the experiment's response is the thrust; `--response rpm` takes the speed",
-        ));
-    }
-    Ok(Taken {
-        output: if thrust_n.is_some() { Output::ThrustN } else { Output::Rpm },
-        usual: Some(Excitation::Staircase),
-        summary: ImportSummary {
-            file: file.into(),
-            format: &FORMAT,
-            rows_read,
-            rows_taken: rows.len(),
-            columns,
-            dropped,
-            timing,
-            pulse_widths: command.scale == Scale::Pulse,
-            notes,
-        },
-        time_s,
-        command: drive,
-        own_command: Vec::new(),
-        thrust_n,
-        rpm,
-        voltage_v,
-        current_a,
-        sample_rate_hz,
-    })
-}
-
-fn sample(file: &Path, name: &str, row: usize, value: f64, problem: &'static str) -> ImportError {
-    ImportError::Sample { file: file.into(), name: name.into(), number: row + 1, value, problem }
-}
-
-/// The error that no vector stands for one of `signals`: the variable of such a name that is none, or all that the file has.
-fn missing(file: &Path, variables: &[Variable], signals: &[Quantity]) -> ImportError {
-    let is_meant =
-        |variable: &&Variable| meaning(&variable.name).is_some_and(|(_, signal, _)| signals.contains(&signal));
-    let unfit = variables.iter().filter(is_meant).find_map(|variable| Some((variable, variable.remedy()?)));
-    if let Some((variable, remedy)) = unfit {
-        let problem = format!("{}, where a vector of real numbers is needed", variable.shown());
-        let remedy = format!("in MATLAB, {remedy}");
-        return ImportError::Variable { file: file.into(), name: variable.name.clone(), problem, remedy };
-    }
-    let names = SPELLINGS.iter().filter(|(signal, ..)| signals.contains(signal)).flat_map(|(_, _, names)| names.iter());
-    let shown = |variable: &Variable| format!("`{}` ({})", quoted(&variable.name), variable.shown());
-    let all: Vec<String> = variables.iter().take(MOST_LISTED).map(shown).collect();
-    // What a variable of another name holds may be well named.
-    let holds_more = |variable: &&Variable| !matches!(variable.kind, Kind::Text | Kind::FunctionHandle);
-    let within = variables.iter().filter(holds_more).find_map(Variable::remedy);
-    ImportError::MissingSignal {
-        file: file.into(),
-        signal: signals.iter().map(|signal| signal.column()).collect::<Vec<_>>().join(" or "),
-        there: if all.is_empty() { String::from("no variables") } else { all.join(", ") },
-        known: names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
-        within: within.map(|remedy| format!("; or {remedy}")).unwrap_or_default(),
-    }
+    let plain = table(file, variables);
+    let mut taken = take_table(plain, options, &FORMAT)?;
+    let of_time = |column: &&super::ColumnUse| column.taken_as.as_deref() == Some(Quantity::Time.column());
+    let name = taken.summary.columns.iter().find(of_time).map_or("time", |column| &column.name);
+    let rows: Vec<usize> = (0..taken.time_s.len()).collect();
+    let (time_s, sample_rate_hz, _) = zero_based_stamps(file, name, &rows, std::mem::take(&mut taken.time_s))?;
+    Ok(Taken { time_s, sample_rate_hz, ..taken })
 }
 
 /// Bytes as a log, where they are a MATLAB file.
@@ -278,16 +279,17 @@ fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Tak
     }
 }
 
-/// Bytes of memory per byte: one of compressed data may inflate to 64 one-byte numbers, each of which takes 32 bytes.
-const COMPRESSED: usize = 64 * 32;
+/// Bytes of memory per byte. Derived: one of compressed data may inflate to 64 one-byte numbers, each of which takes 32 bytes as a
+/// number and as text, and is a cell of a table.
+const COMPRESSED: usize = 64 * (32 + UNCOMPRESSED);
 
 /// The format.
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "mat",
-    title: "MATLAB files of named vectors, time, command, thrust or rpm (`save -v7`)",
+    title: "MATLAB files of vectors, matrices or structs with the time, the command, and thrust or rpm (`save -v7`)",
     has_motors: false,
     has_several_logs: false,
-    has_stated_columns: false,
+    has_stated_columns: true,
     memory_per_byte: COMPRESSED,
     reader: Reader::Bytes(read),
 };

@@ -1,8 +1,9 @@
 //! The MAT-file format, level 5 (MathWorks, *MAT-File Format*): a header of 128 bytes, then elements
 //! of a tag and data. `save -v7` puts each variable into an element of zlib data.
 //!
-//! Only full real numeric arrays are read; of all others the name, the size and the kind are listed. A length is
-//! believed only as far as the bytes behind it go, so memory stays within a multiple of the file.
+//! Full real numeric arrays and texts are read, also within structs, objects of the kind before `classdef`, and cells; of all others the
+//! name, the size and the kind are listed. A length is believed only as far as the bytes behind it go, so memory stays within a
+//! multiple of the file.
 
 use std::io::Read;
 
@@ -10,14 +11,18 @@ use flate2::read::ZlibDecoder;
 
 /// Bytes in front of the first element.
 const HEADER: usize = 128;
-/// What the variables that are taken may inflate to, in lengths of the file, beside [`INFLATED_ANYWAY`]. Deflate packs up
-/// to 1032 bytes in one, but a time that increases keeps a byte or so of each row, and a row is a number or two of 8 bytes
-/// for each of six signals.
+/// What the variables may inflate to, in lengths of the file, beside [`INFLATED_ANYWAY`]. Derived: deflate packs up to 1032 bytes in
+/// one, but a time that increases keeps a byte or so of each row, and a row is a number or two of 8 bytes for each of six signals.
 const INFLATED_PER_BYTE: usize = 64;
-/// What they may inflate to in any file.
+/// What they may inflate to in any file, bytes. Chosen: some thousand rows.
 const INFLATED_ANYWAY: usize = 1 << 16;
-/// Bytes that hold a variable's name: the tags, the dimensions, and 63 letters.
+/// Bytes that hold a variable's name. Derived: the tags, the dimensions, and the 63 letters that MATLAB allows, with room.
 const NAMED_WITHIN: usize = 1 << 12;
+/// Structs and cells within each other are read to this depth. Chosen: twice what exports have, far from the end of the stack.
+const DEEPEST: usize = 8;
+/// A cell array or an array of structs is a list of signals up to this length. Chosen: more channels than a stand has; longer ones have
+/// a row in each.
+const MOST_SIGNALS: usize = 256;
 
 const COMPRESSED: u32 = 15;
 const MATRIX: u32 = 14;
@@ -38,29 +43,30 @@ pub(super) enum Header {
     Hdf5,
 }
 
-/// A variable of the file.
+/// A variable of the file, or a part of one, which is called by its path: `run.X.Data`, `run.Y(2).Data`, `z{1}`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Variable {
     pub(super) name: String,
     /// Empty of an opaque object, which has none.
     pub(super) dimensions: Vec<usize>,
-    pub(super) kind: Kind,
-    /// The numbers, columns first; `None` where they were not wanted or are not of [`Kind::Real`].
-    pub(super) values: Option<Vec<f64>>,
+    pub(super) content: Content,
 }
 
-/// What a variable is an array of.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Full real numbers.
-    Real,
+/// What a variable is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Content {
+    /// Full real numbers, columns first.
+    Real(Vec<f64>),
+    /// The same, packed tighter than any recording, so that they were left packed.
+    Packed,
+    Text(String),
+    /// Fields of a struct, or of the class of that name.
+    Struct(Option<String>, Vec<Variable>),
+    Cell(Vec<Variable>),
     Complex,
     Sparse,
-    Cell,
-    Struct,
-    Text,
     FunctionHandle,
-    /// An object of this class, such as a `timeseries`.
+    /// An object of this class that only MATLAB reads, such as a `timeseries`.
     Object(String),
     /// A class of the format that is newer than this reader.
     Unknown,
@@ -82,8 +88,8 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
     }
 }
 
-/// All variables of a file of level 5, with the numbers of those whose name is `wanted`.
-pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Variable>, Damage> {
+/// All variables of a file of level 5.
+pub(super) fn read(bytes: &[u8]) -> Result<Vec<Variable>, Damage> {
     let order = if bytes.get(126) == Some(&b'M') { Order::Big } else { Order::Little };
     let mut elements = Elements { bytes, at: HEADER.min(bytes.len()), order };
     let mut variables = Vec::new();
@@ -91,27 +97,25 @@ pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Va
     while let Some(element) = elements.next_top()? {
         let within = |damage: Damage| Damage { offset: element.offset, ..damage };
         let variable = match element.kind {
-            MATRIX => matrix(element.data, order, &wanted).map_err(within)?,
+            MATRIX => matrix(element.data, order, Wanted::ALL).map_err(within)?,
             COMPRESSED => {
                 let inflated =
                     |limit| inflate(element.data, limit).map_err(|problem| within(Damage { offset: 0, problem }));
-                // A variable that is not wanted may be large: its name is in its beginning.
                 let head = inflated(NAMED_WITHIN)?;
-                if head.first_chunk().map(|kind| order.word(*kind)).is_some_and(|kind| kind != MATRIX) {
+                let mut words = head.as_chunks::<4>().0.iter().map(|word| order.word(*word));
+                if words.next().is_some_and(|kind| kind != MATRIX) {
                     continue;
                 }
-                let named = matrix(head.get(8..).unwrap_or_default(), order, |_| false).map_err(within)?;
-                match named {
-                    Some(variable) if variable.kind == Kind::Real && wanted(&variable.name) => {
-                        let whole = inflated(budget + 1)?;
-                        let large =
-                            Damage { offset: element.offset, problem: "it inflates to more than any recording" };
-                        budget = budget.checked_sub(whole.len()).ok_or(large)?;
-                        let mut inner = Elements { bytes: &whole, at: 0, order };
-                        let inner = inner.next().map_err(within)?;
-                        matrix(inner.data, order, &wanted).map_err(within)?
+                // The tag says the length, so that what is too long need not be inflated to see that.
+                let length = words.next().map_or(0, |length| (length as usize).saturating_add(8));
+                match budget.checked_sub(length) {
+                    Some(rest) => {
+                        budget = rest;
+                        let whole = inflated(length)?;
+                        let inner = Elements { bytes: &whole, at: 0, order }.next().map_err(within)?;
+                        matrix(inner.data, order, Wanted::ALL).map_err(within)?
                     }
-                    named => named,
+                    None => matrix(head.get(8..).unwrap_or_default(), order, Wanted::NAME).map_err(within)?,
                 }
             }
             _ => continue,
@@ -120,6 +124,20 @@ pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Va
         variables.extend(variable.filter(|v| !v.name.is_empty()));
     }
     Ok(variables)
+}
+
+/// What is read of a variable.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// Whether its numbers are, which may be cut off.
+    numbers: bool,
+    /// Structs and cells within each other that are still read.
+    depth: usize,
+}
+
+impl Wanted {
+    const ALL: Self = Self { numbers: true, depth: DEEPEST };
+    const NAME: Self = Self { numbers: false, depth: 0 };
 }
 
 /// The first `limit` bytes, or all.
@@ -200,10 +218,48 @@ impl<'a> Elements<'a> {
     fn text(&mut self, problem: &'static str) -> Result<String, Damage> {
         self.expect(INT8, problem).map(|text| String::from_utf8_lossy(text).into_owned())
     }
+
+    /// So many nameless variables.
+    fn cells(&mut self, count: usize, wanted: Wanted) -> Result<Vec<Variable>, Damage> {
+        let cell = |index: usize| Ok(self.part(wanted)?.map(|cell| (index, cell)));
+        let cells: Vec<_> = (0..count).map(cell).collect::<Result<Vec<_>, Damage>>()?;
+        let named = |(index, mut cell): (usize, Variable)| {
+            cell.name = if count == 1 { String::new() } else { format!("{{{}}}", index + 1) };
+            cell
+        };
+        Ok(cells.into_iter().flatten().map(named).collect())
+    }
+
+    /// The fields of so many structs.
+    fn fields(&mut self, count: usize, wanted: Wanted) -> Result<Vec<Variable>, Damage> {
+        let problem = "a struct without the names of its fields";
+        let longest = self.expect(INT32, problem)?.first_chunk().map_or(0, |word| self.order.word(*word) as usize);
+        let names = self.expect(INT8, problem)?;
+        let name = |name: &[u8]| String::from_utf8_lossy(name).trim_end_matches('\0').to_owned();
+        let names: Vec<String> = names.chunks(longest.max(1)).map(name).collect();
+        let mut fields = Vec::new();
+        for index in 0..count {
+            for name in &names {
+                let Some(mut field) = self.part(wanted)? else { continue };
+                field.name = if count == 1 { format!(".{name}") } else { format!("({}).{name}", index + 1) };
+                fields.push(field);
+            }
+        }
+        Ok(fields)
+    }
+
+    /// A variable within another.
+    fn part(&mut self, wanted: Wanted) -> Result<Option<Variable>, Damage> {
+        let part = self.next()?;
+        if part.kind != MATRIX {
+            return Err(Damage { offset: part.offset, problem: "a part of a variable that is none" });
+        }
+        matrix(part.data, self.order, wanted)
+    }
 }
 
 /// A matrix element's variable; `None` for an empty element.
-fn matrix(data: &[u8], order: Order, wanted: impl Fn(&str) -> bool) -> Result<Option<Variable>, Damage> {
+fn matrix(data: &[u8], order: Order, wanted: Wanted) -> Result<Option<Variable>, Damage> {
     if data.is_empty() {
         return Ok(None);
     }
@@ -216,36 +272,51 @@ fn matrix(data: &[u8], order: Order, wanted: impl Fn(&str) -> bool) -> Result<Op
         let name = parts.text("a variable without a name")?;
         // In between stands the name of the system of types, always the same.
         parts.text("an object without a type")?;
-        let kind = Kind::Object(parts.text("an object without a class")?);
-        return Ok(Some(Variable { name, dimensions: Vec::new(), kind, values: None }));
+        let content = Content::Object(parts.text("an object without a class")?);
+        return Ok(Some(Variable { name, dimensions: Vec::new(), content }));
     }
     let sizes = parts.expect(INT32, "a variable without dimensions")?;
     let dimensions: Vec<usize> = sizes.as_chunks::<4>().0.iter().map(|word| order.word(*word) as usize).collect();
     let name = parts.text("a variable without a name")?;
-    let kind = match class {
-        1 => Kind::Cell,
-        2 => Kind::Struct,
-        3 => Kind::Object(parts.text("an object without a class")?),
-        4 => Kind::Text,
-        5 => Kind::Sparse,
-        // Double, single and the integers.
-        6..=15 if flags & COMPLEX != 0 => Kind::Complex,
-        6..=15 => Kind::Real,
-        16 => Kind::FunctionHandle,
-        _ => Kind::Unknown,
-    };
-    if kind != Kind::Real || !wanted(&name) {
-        return Ok(Some(Variable { name, dimensions, kind, values: None }));
-    }
-    let numbers = parts.next()?;
     let problem = Damage { offset: 0, problem: "the numbers of a variable do not have its size" };
-    let count = dimensions.iter().try_fold(1_usize, |n, &d| n.checked_mul(d)).ok_or(problem)?;
-    let values = numeric(numbers.kind, numbers.data, order)
-        .ok_or(Damage { offset: 0, problem: "numbers of an unknown type" })?;
-    if values.len() != count {
-        return Err(problem);
-    }
-    Ok(Some(Variable { name, dimensions, kind, values: Some(values) }))
+    let count = || dimensions.iter().try_fold(1_usize, |n, &d| n.checked_mul(d)).ok_or(problem);
+    let inner = (wanted.depth > 0).then(|| Wanted { depth: wanted.depth - 1, ..wanted });
+    let content = match class {
+        1 => match inner.filter(|_| count().is_ok_and(|count| count <= MOST_SIGNALS)) {
+            Some(inner) => Content::Cell(parts.cells(count()?, inner)?),
+            None => Content::Cell(Vec::new()),
+        },
+        2 | 3 => {
+            let class = match class {
+                3 => Some(parts.text("an object without a class")?),
+                _ => None,
+            };
+            match inner.filter(|_| count().is_ok_and(|count| count <= MOST_SIGNALS)) {
+                Some(inner) => Content::Struct(class, parts.fields(count()?, inner)?),
+                None => Content::Struct(class, Vec::new()),
+            }
+        }
+        5 => Content::Sparse,
+        // Double, single and the integers.
+        6..=15 if flags & COMPLEX != 0 => Content::Complex,
+        4 | 6..=15 if !wanted.numbers => Content::Packed,
+        4 | 6..=15 => {
+            let numbers = parts.next()?;
+            let values = numeric(numbers.kind, numbers.data, order)
+                .ok_or(Damage { offset: 0, problem: "numbers of an unknown type" })?;
+            if class == 4 {
+                let letters = values.iter().map(|code| char::from_u32(*code as u32).unwrap_or('?'));
+                Content::Text(letters.collect())
+            } else if values.len() == count()? {
+                Content::Real(values)
+            } else {
+                return Err(problem);
+            }
+        }
+        16 => Content::FunctionHandle,
+        _ => Content::Unknown,
+    };
+    Ok(Some(Variable { name, dimensions, content }))
 }
 
 /// The numbers as doubles; `None` for an unknown type. MATLAB stores whole numbers in the shortest
@@ -265,9 +336,9 @@ fn numeric(kind: u32, data: &[u8], order: Order) -> Option<Vec<f64>> {
     }
     Some(match kind {
         1 => read!(i8),
-        2 => read!(u8),
+        2 | 16 => read!(u8),
         3 => read!(i16),
-        4 => read!(u16),
+        4 | 17 => read!(u16),
         5 => read!(i32),
         6 => read!(u32),
         7 => read!(f32),

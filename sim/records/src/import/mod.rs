@@ -22,6 +22,7 @@ mod plain;
 mod plain_columns;
 mod plain_layout;
 mod plain_response;
+mod plain_speeds;
 mod quantity;
 mod rcbenchmark;
 mod stamps;
@@ -35,7 +36,7 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-pub use error::ImportError;
+pub use error::{ImportError, Place};
 pub use format::{FORMATS, LogFormat};
 pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
@@ -203,13 +204,14 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
             return Ok(taken);
         }
     }
-    let plain = PlainTable::parse(file, text)?;
+    let mut plain = PlainTable::parse(file, text)?;
     let as_table = |format: &'static LogFormat| match format.reader {
-        Reader::Table { is_header, is_stand } if is_header(&plain.table.header) => Some((format, is_stand)),
+        Reader::Table { is_header, dialect } if is_header(&plain.table.header) => Some((format, dialect)),
         _ => None,
     };
-    let (format, is_stand) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, false));
-    plain::take_table(plain, options, format, is_stand)
+    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &plain::DIALECT));
+    plain.dialect = dialect;
+    plain::take_table(plain, options, format)
 }
 
 /// What a format's reader hands over: columns of equal length, and how they came about.

@@ -7,8 +7,8 @@ use std::mem::take;
 
 use rotorlead_numerics::sample::median;
 
-use super::format::{LogFormat, Reader, UNCOMPRESSED};
-use super::plain_columns::{Pick, Picks, is_electrical, option, other_speed};
+use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
+use super::plain_columns::{Pick, Picks, is_electrical, option};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
@@ -16,7 +16,9 @@ use super::rcbenchmark::MAX_OVERTAKING_S;
 use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
-use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing};
+use super::{
+    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, plain_speeds,
+};
 use crate::experiment::{Excitation, Output};
 
 /// Seconds of a day.
@@ -29,8 +31,6 @@ const SLOWER_THAN_A_LAG_S: f64 = 0.5;
 const MOST_STEADY_POINTS: usize = 1000;
 /// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
 const NEARLY_ALL: f64 = 0.9;
-/// Share of the greatest speed by which two sensors of it may differ.
-const OTHER_SPEED: f64 = 0.05;
 /// A rotor of a multicopter does not turn faster, revolutions per minute.
 const MOST_RPM: f64 = 200_000.0;
 /// No such rotor pulls more, newtons.
@@ -40,12 +40,13 @@ pub(super) fn take_table(
     mut plain: PlainTable<'_>,
     options: &ImportOptions,
     format: &'static LogFormat,
-    is_stand: bool,
 ) -> Result<Taken, ImportError> {
+    let is_stand = plain.dialect.is_stand;
     let mut notes = take(&mut plain.notes);
-    let mut list = ColumnList::new(&plain.table);
+    let mut list = ColumnList::new(&plain.table, &plain.beside);
     let picks = Picks::choose(&plain, options, &mut list)?;
     let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
+    plain.table.check_lengths(&picks.compared())?;
     notes.extend(plain.table.infer_comma(&places)?.map(String::from));
     let table = &plain.table;
 
@@ -68,6 +69,9 @@ pub(super) fn take_table(
     let rows_read = rows.time.len().max(rows.command.len());
     rows.places = (0..rows_read).collect();
     notes.extend(rows.hold_interleaved(options.output));
+    if table.is_of_samples() {
+        rows.leave_out_no_numbers();
+    }
     let mut command_note = String::new();
     if let Some(command) = picks.command {
         rows.cut_to_the_command(command)?;
@@ -141,14 +145,21 @@ pub(super) fn take_table(
     if let (Some(pick), Some(thrust_n)) = (picks.thrust, &thrust_n) {
         notes.extend(reversed(table, pick, thrust_n));
     }
-    if let (Some(name), true) = (picks.speed.map(|pick| &table.header[pick.column]), rpm.is_some())
-        && is_electrical(name)
-    {
-        notes.push(format!(
-            "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
-             software"
-        ));
-        notes.extend(picks.speed.and_then(|pick| differing_speeds(&plain, pick)));
+    if let (Some(pick), true) = (picks.speed, rpm.is_some()) {
+        let name = &table.header[pick.column];
+        let is_electrical = is_electrical(name);
+        if is_electrical {
+            notes.push(format!(
+                "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
+                 software"
+            ));
+        }
+        let beside = picks.command.map(|command| plain_speeds::Beside { command, thrust: picks.thrust });
+        notes.extend(
+            (is_electrical || picks.is_another_speed_lost)
+                .then(|| plain_speeds::differing(&plain, pick, beside))
+                .flatten(),
+        );
     }
     Ok(Taken {
         summary: ImportSummary {
@@ -162,11 +173,7 @@ pub(super) fn take_table(
             pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
             notes,
         },
-        usual: match (is_steady, is_stand) {
-            (true, _) => Some(Excitation::Steady),
-            (false, true) => Some(Excitation::Staircase),
-            (false, false) => None,
-        },
+        usual: if is_steady { Some(Excitation::Steady) } else { plain.dialect.usual },
         output,
         time_s: rows.time,
         command: rows.command,
@@ -257,6 +264,14 @@ impl Rows<'_> {
         let rows = self.places.iter().zip(&self.time).zip(&self.command);
         let own = rows.map(|((&place, &time), &command)| OwnCommand { place, time, command });
         self.own_command = own.filter(|own| !own.command.is_nan()).collect();
+    }
+
+    /// Leaves out the rows whose time or command is none, which a program that writes numbers put there on purpose.
+    fn leave_out_no_numbers(&mut self) {
+        let is_number = |values: &[f64], row: usize| values.get(row).is_none_or(|value| !value.is_nan());
+        let keep = (0..self.places.len()).map(|row| is_number(&self.time, row) && is_number(&self.command, row));
+        let keep: Vec<bool> = keep.collect();
+        self.retain(&keep, "NaN in the time or the command");
     }
 
     /// Keeps the rows from the first to the last that has a command; one without between them is an error.
@@ -364,7 +379,7 @@ impl Rows<'_> {
         }
         let start = self.time.first().copied().unwrap_or(0.0);
         let stamps = self.time.iter_mut().chain(self.own_command.iter_mut().map(|own| &mut own.time));
-        stamps.for_each(|stamp| *stamp = converted(pick, *stamp - start));
+        stamps.for_each(|stamp| *stamp = pick.converted(*stamp - start));
         let is_shown = options.excitation.is_none() && self.are_points();
         if !is_stated && !is_shown {
             if let Some(even) = spread_bursts(&self.time) {
@@ -516,25 +531,6 @@ fn timing(time_s: &[f64], reordered: usize) -> Timing {
     }
 }
 
-/// What is to be said of an electrical speed that is not the optical one beside it: at low speed the motor's voltage shows none.
-fn differing_speeds(plain: &PlainTable<'_>, electrical: Pick) -> Option<String> {
-    let optical = other_speed(plain, electrical)?;
-    let numbers = plain.table.numbers(&[electrical, optical].map(|pick| (pick.column, pick.reading()))).ok()?;
-    let [one, other] = &numbers[..] else { return None };
-    let most = other.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let pairs = one.iter().zip(other).map(|(a, b)| (converted(electrical, *a), converted(optical, *b)));
-    let differ = pairs.filter(|(a, b)| (a - b).abs() > OTHER_SPEED * converted(optical, most)).count();
-    let [one, other] = [electrical, optical].map(|pick| &plain.table.header[pick.column]);
-    (differ > 0).then(|| {
-        format!(
-            "`{one}` and `{other}` differ by more than {} % of full speed in {differ} of {} rows: `{}` takes the other one",
-            100.0 * OTHER_SPEED,
-            numbers[0].len(),
-            option(Quantity::Speed, other, optical.unit.name)
-        )
-    })
-}
-
 /// Puts the numbers of a column in the unit of a record, where they are within what can be. `places` are their rows of the table.
 fn convert(
     table: &Table<'_>,
@@ -549,11 +545,11 @@ fn convert(
         _ => (f64::MAX, ""),
     };
     for (row, value) in values.iter_mut().enumerate() {
-        let found = converted(pick, *value);
+        let found = pick.converted(*value);
         if found.abs() > most {
             let name = &table.header[pick.column];
-            let (line, text) =
-                table.at(places[row], |row| (row.line, row.text(pick.column).to_owned())).unwrap_or_default();
+            let line = table.line(places[row]);
+            let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
             return Err(ImportError::Impossible {
                 file: table.file.clone(),
                 line,
@@ -567,16 +563,7 @@ fn convert(
     Ok(())
 }
 
-/// A number as a record has it; that of a command is not one of these.
-fn converted(pick: Pick, value: f64) -> f64 {
-    let sign = if pick.is_reversed { -1.0 } else { 1.0 };
-    match pick.unit.scale {
-        Scale::Ratio(times, over) => sign * value * times / over,
-        Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
-    }
-}
-
-/// What [`converted`] does, in words.
+/// What [`Pick::converted`] does, in words.
 fn conversion(pick: Pick) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {
@@ -601,6 +588,9 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
     })
 }
 
+/// Its names speak for themselves.
+pub(super) const DIALECT: Dialect = Dialect { names: &[], is_stand: false, usual: None };
+
 /// The format.
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "plain",
@@ -609,5 +599,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header: |_| true, is_stand: false },
+    reader: Reader::Table { is_header: |_| true, dialect: &DIALECT },
 };

@@ -9,7 +9,7 @@ use super::plain_layout::PlainTable;
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{CellFormat, seconds_since_midnight};
-use super::{ImportError, ImportOptions, rcbenchmark};
+use super::{ImportError, ImportOptions, plain_speeds};
 use crate::experiment::Excitation;
 use crate::files::csv_rows::quoted;
 
@@ -37,6 +37,15 @@ pub(super) struct Pick {
 }
 
 impl Pick {
+    /// A number as a record has it; that of a command is not one of these.
+    pub(super) fn converted(self, value: f64) -> f64 {
+        let sign = if self.is_reversed { -1.0 } else { 1.0 };
+        match self.unit.scale {
+            Scale::Ratio(times, over) => sign * value * times / over,
+            Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
+        }
+    }
+
     pub(super) fn reading(self) -> CellFormat {
         if self.unit.scale == Scale::Clock { CellFormat::Clock } else { CellFormat::Decimal }
     }
@@ -50,6 +59,8 @@ pub(super) struct Picks {
     pub(super) command: Option<Pick>,
     pub(super) thrust: Option<Pick>,
     pub(super) speed: Option<Pick>,
+    /// Whether the speed is taken because another one is lost at some levels of the command.
+    pub(super) is_another_speed_lost: bool,
     pub(super) voltage: Option<Pick>,
     pub(super) current: Option<Pick>,
 }
@@ -65,6 +76,7 @@ impl Picks {
         let needs_time = options.excitation != Some(Excitation::Steady);
         let of = |quantity| find(plain, quantity, options);
         let mut questions = Vec::new();
+        let mut unfit = Vec::new();
         let mut need = |found, asks: &str, quantity| match found {
             Found::Pick(pick) => Some(pick),
             Found::Unclear(question) => {
@@ -72,6 +84,7 @@ impl Picks {
                 None
             }
             Found::Nothing => {
+                unfit.push(quantity);
                 questions.push(Question::new(quantity, "HEADER", format!("no column is known to be the {asks}")));
                 None
             }
@@ -92,12 +105,39 @@ impl Picks {
             (thrust, speed) => (need(thrust, "", Quantity::Thrust), speed.pick()),
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
+        if let Some(beside) = plain.beside.iter().find(|b| b.quantity.is_some_and(|quantity| unfit.contains(&quantity)))
+        {
+            return Err(ImportError::Variable {
+                file: plain.table.file.clone(),
+                name: beside.name.clone(),
+                problem: format!("{}, where a vector of real numbers is needed", beside.shown),
+                remedy: format!("in MATLAB, {}", beside.remedy),
+            });
+        }
         if !questions.is_empty() {
             return Err(ask(plain, &questions, options));
         }
-        let picks = Self { time, command, thrust, speed, voltage, current };
+        let mut picks = Self { time, command, thrust, speed, is_another_speed_lost: false, voltage, current };
+        picks.leave_lost_speed(plain);
         picks.say_why_others_are_left(plain, list);
         Ok(picks)
+    }
+
+    /// Takes another speed in place of one that is lost at some levels of the command, unless it was stated.
+    fn leave_lost_speed(&mut self, plain: &PlainTable<'_>) {
+        let (Some(speed), Some(command)) = (self.speed.filter(|speed| !speed.is_stated), self.command) else { return };
+        let beside = plain_speeds::Beside { command, thrust: self.thrust };
+        let other =
+            other_speed(plain, speed).filter(|other| plain_speeds::is_lost(plain, speed.column, other.column, beside));
+        if let Some(other) = other {
+            (self.speed, self.is_another_speed_lost) = (Some(other), true);
+        }
+    }
+
+    /// The columns that need as many numbers as each other.
+    pub(super) fn compared(&self) -> Vec<usize> {
+        let needed = [self.time, self.command, self.thrust, self.speed];
+        needed.into_iter().flatten().map(|pick| pick.column).collect()
     }
 
     /// Every column that may be taken.
@@ -176,7 +216,7 @@ pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
 fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> Result<Found, ImportError> {
     let (header, choices) = (&plain.table.header, &options.columns);
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
-        let mut named = (0..header.len()).filter(|index| header[*index] == choice.header);
+        let mut named = plain.called(&choice.header).into_iter();
         let index = named.next().ok_or_else(|| ImportError::NoSuchColumn {
             file: plain.table.file.clone(),
             column: choice.header.clone(),
@@ -187,7 +227,8 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
         }
         (index, Some(choice))
     } else {
-        let is_chosen = |index: &usize| choices.iter().any(|choice| choice.header == header[*index]);
+        let chosen: Vec<usize> = choices.iter().flat_map(|choice| plain.called(&choice.header)).collect();
+        let is_chosen = |index: &usize| chosen.contains(index);
         let says = |index: &usize| Said::from_column(plain, *index).is_some_and(|said| said.quantity == quantity);
         let named: Vec<usize> = (0..header.len()).filter(|index| says(index) && !is_chosen(index)).collect();
         match named[..] {
@@ -204,19 +245,23 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
     };
     let is_reversed = stated.is_some_and(|choice| choice.is_reversed);
     let written = written(plain, index);
+    let said = Said::from_column(plain, index);
     let named = written.as_deref().and_then(|text| Unit::named(quantity, text));
+    let named = named.or(said.filter(|said| said.quantity == quantity).and_then(|said| said.unit));
     let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(plain, index, quantity));
     let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
     // A unit that is written and not known is another.
     let guess = || guessed(plain, index, quantity, options.pulse_range()).filter(|_| written.is_none());
-    let found = unit.map(|unit| (unit, None)).or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
+    let contradicted = |unit: Unit| stated.is_none().then(|| fraction(plain, index, unit)).flatten();
+    let unit = unit.map(|unit| contradicted(unit).map_or((unit, None), |(unit, because)| (unit, Some(because))));
+    let found = unit.or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
     Ok(match found {
         Some((unit, guessed_because)) => {
             Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), guessed_because })
         }
         None => {
             let in_what = match written {
-                Some(written) if Said::from_column(plain, index).is_some() => {
+                Some(written) if said.is_some() => {
                     format!("in `{written}`, which is not known here")
                 }
                 _ => String::from("without a unit"),
@@ -300,6 +345,19 @@ fn guessed(
     Unit::named(quantity, name).map(|unit| (unit, because))
 }
 
+/// The unit of a command in percent whose numbers are a fraction, and what shows that: a header is believed unless no motor could be as it
+/// says. Derived: ESCs begin to turn a motor at 3 to 6 % of their range, so that a run below 1 % would be one of a motor that stands.
+fn fraction(plain: &PlainTable<'_>, column: usize, unit: Unit) -> Option<(Unit, &'static str)> {
+    if unit.quantity != Quantity::Command || unit.scale != Scale::Ratio(1.0, 100.0) {
+        return None;
+    }
+    let [values] = &plain.table.numbers(&[(column, CellFormat::Decimal)]).ok()?[..] else { return None };
+    let lies_within = |value: &f64| value.is_nan() || (0.0..=1.0).contains(value);
+    let is_fraction = values.iter().all(lies_within) && values.iter().any(|value| *value > 0.0);
+    let duty = Unit::named(unit.quantity, "duty").filter(|_| is_fraction)?;
+    Some((duty, "lie within 0..1, and no motor turns at 1 percent or less"))
+}
+
 /// The column `command` beside those of a record, which is such a record's: a duty.
 fn own_command(plain: &PlainTable<'_>, index: usize, quantity: Quantity) -> Option<Unit> {
     let has = |name: &str| plain.table.header.iter().any(|column| column == name);
@@ -327,7 +385,7 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
     let mut values: Vec<String> = questions.iter().map(unit).collect();
     let column = |question: &Question| MissingOption::column(question.quantity, &question.header, "UNIT");
     let mut missing: Vec<MissingOption> = questions.iter().map(column).collect();
-    let is_driven = !options.without_command && !rcbenchmark::is_header(&plain.table.header);
+    let is_driven = !options.without_command && plain.dialect.usual.is_none();
     if is_driven && options.excitation.is_none() {
         asks.push("nothing says what drove the command");
         values.push(format!("--excitation: {EXCITATIONS}"));
@@ -349,9 +407,19 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
 
 /// The columns' names, for messages.
 fn listed(plain: &PlainTable<'_>) -> String {
-    let names = plain.table.header.iter().filter(|name| !name.is_empty());
-    let shown = names.map(|name| format!("`{}`", quoted(name)));
-    shown.take(MOST_LISTED).collect::<Vec<_>>().join(", ")
+    let names = plain.table.header.iter().enumerate().filter(|(_, name)| !name.is_empty());
+    let shown = |(column, name): (usize, &String)| match plain.label(column) {
+        Some(label) if !name.ends_with(label) => format!("`{}` (`{}`)", quoted(name), quoted(label)),
+        _ => format!("`{}`", quoted(name)),
+    };
+    let mut columns = names.map(shown).take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    if columns.is_empty() {
+        columns.push_str("none");
+    }
+    let beside = plain.beside.iter().map(|beside| format!("`{}` ({})", quoted(&beside.name), beside.shown));
+    let beside = beside.take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    let more = if beside.is_empty() { "" } else { "; no columns are " };
+    format!("{columns}{more}{beside}")
 }
 
 /// So many columns are listed: a log with more has them in no message.
@@ -366,7 +434,17 @@ struct Said {
 
 impl Said {
     fn from_column(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
-        let (base, in_name) = split(&plain.table.header[index]);
+        let label = plain.label(index)?;
+        let stated = || below(plain, index).or_else(|| behind_numbers(plain, index));
+        if let Some((quantity, unit)) = plain.dialect.meaning(label) {
+            let stated = stated().and_then(|unit| Unit::named(quantity, &unit));
+            return Some(Self { quantity, unit: stated.or_else(|| Unit::named(quantity, unit)) });
+        }
+        let (base, in_name) = split(label);
+        // `t` is the time, and `T` may be a torque or a temperature.
+        if in_name.is_none() && label.trim() == "T" {
+            return None;
+        }
         // A unit of another quantity overrules the name: `esc_rpm` is no command.
         let of_unit = in_name.as_deref().and_then(Unit::measured_quantity);
         let named = Quantity::ALL.into_iter().find(|quantity| quantity.spellings().contains(&base.as_str()));
@@ -376,7 +454,7 @@ impl Said {
             Some(quantity) => quantity,
             None => in_name.as_deref().filter(|_| base.is_empty()).and_then(named_by_unit)?,
         };
-        let written = in_name.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index));
+        let written = in_name.or_else(stated);
         let unit = written.as_deref().and_then(|written| Unit::named(quantity, written));
         // `motor` alone may be anything of a motor.
         (quantity != Quantity::Speed || unit.is_some() || base.contains("speed") || base == "rpm")
@@ -395,7 +473,11 @@ fn named_by_unit(unit: &str) -> Option<Quantity> {
 
 /// The unit that is written in a column's name, below it, or behind its numbers.
 fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
-    split(&plain.table.header[index]).1.or_else(|| below(plain, index)).or_else(|| behind_numbers(plain, index))
+    plain
+        .label(index)
+        .and_then(|label| split(label).1)
+        .or_else(|| below(plain, index))
+        .or_else(|| behind_numbers(plain, index))
 }
 
 /// The unit behind its numbers.
@@ -510,7 +592,7 @@ mod tests {
         let text = text(header);
         let plain = plain(&text);
         let choices: Vec<ColumnChoice> = choices.iter().map(|choice| choice.parse().unwrap()).collect();
-        let mut list = ColumnList::new(&plain.table);
+        let mut list = ColumnList::new(&plain.table, &[]);
         let options = ImportOptions { columns: choices, ..ImportOptions::default() };
         let picks = Picks::choose(&plain, &options, &mut list)?;
         let show = |pick: Pick| {

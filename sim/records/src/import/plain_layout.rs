@@ -5,9 +5,10 @@ use std::path::Path;
 
 use csv::StringRecord;
 
-use super::ImportError;
-use super::quantity::Unit;
+use super::format::Dialect;
+use super::quantity::{Quantity, Unit};
 use super::table::{Table, without_unit};
+use super::{ImportError, plain};
 
 /// Separators, the likeliest first: a comma may be a decimal mark, a semicolon may stand in a remark.
 const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
@@ -21,13 +22,49 @@ pub(super) struct PlainTable<'a> {
     pub(super) table: Table<'a>,
     /// Units from a line of their own below the names, column by column.
     pub(super) units: Vec<String>,
+    /// What says what a column is where that is not its name, column by column; `None` where nothing does. Empty where the names do.
+    pub(super) labels: Vec<Option<String>>,
+    /// What the log has beside the columns.
+    pub(super) beside: Vec<Beside>,
+    /// What its format says of it.
+    pub(super) dialect: &'static Dialect,
     /// The line of the names, from 1; `None` where there is none, and columns are called `#1`, `#2` and so on.
     pub(super) header_line: Option<usize>,
     /// What a reader of the record has to know.
     pub(super) notes: Vec<String>,
 }
 
+/// What a log has that cannot be a column as it is.
+pub(super) struct Beside {
+    pub(super) name: String,
+    /// What it is.
+    pub(super) shown: String,
+    /// What would make a column of it.
+    pub(super) remedy: String,
+    /// What it measures by its name.
+    pub(super) quantity: Option<Quantity>,
+}
+
 impl<'a> PlainTable<'a> {
+    /// The columns of that name; where there is none, those whose label it is, or the last part of whose name.
+    pub(super) fn called(&self, name: &str) -> Vec<usize> {
+        let columns = |is: &dyn Fn(usize, &str) -> bool| -> Vec<usize> {
+            self.table.header.iter().enumerate().filter(|(at, header)| is(*at, header)).map(|(at, _)| at).collect()
+        };
+        let exact = columns(&|_, header| header == name);
+        if !exact.is_empty() || self.labels.is_empty() {
+            return exact;
+        }
+        columns(&|at, header| {
+            self.label(at) == Some(name) || header.strip_suffix(name).is_some_and(|rest| rest.ends_with('.'))
+        })
+    }
+
+    /// What says what a column is.
+    pub(super) fn label(&self, column: usize) -> Option<&str> {
+        self.labels.get(column).map_or_else(|| Some(self.table.header[column].as_str()), Option::as_deref)
+    }
+
     /// Finds the table in `text`, which is `file`'s.
     pub(super) fn parse(file: &Path, text: &'a str) -> Result<Self, ImportError> {
         let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
@@ -87,7 +124,8 @@ impl<'a> PlainTable<'a> {
             1 => notes.push(String::from("1 line of remarks (`#`) among or behind the rows left out")),
             lines => notes.push(format!("{lines} lines of remarks (`#`) among or behind the rows left out")),
         }
-        Ok(Self { table, units, header_line, notes })
+        let (labels, beside) = (Vec::new(), Vec::new());
+        Ok(Self { table, units, labels, beside, dialect: &plain::DIALECT, header_line, notes })
     }
 }
 

@@ -8,7 +8,8 @@
 //!   sorted.
 //! - Thrust and torque come from slower converters behind filters: they lag behind the speed, so that the response is the speed.
 
-use super::format::{LogFormat, Reader, UNCOMPRESSED};
+use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
+use crate::experiment::Excitation;
 
 const TIME: &str = "Time (s)";
 const COMMAND: &str = "ESC signal";
@@ -31,5 +32,8 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header, is_stand: true },
+    reader: Reader::Table {
+        is_header,
+        dialect: &Dialect { names: &[], is_stand: true, usual: Some(Excitation::Staircase) },
+    },
 };

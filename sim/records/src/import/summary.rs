@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::format::LogFormat;
+use super::plain_layout::Beside;
 use super::table::Table;
 
 /// What was found in a log and what became of it.
@@ -74,14 +75,19 @@ pub(super) struct ColumnList {
 }
 
 impl ColumnList {
-    /// All of `table`'s columns, none taken so far.
-    pub(super) fn new(table: &Table<'_>) -> Self {
+    /// All of `table`'s columns, none taken so far, and what is beside them.
+    pub(super) fn new(table: &Table<'_>, beside: &[Beside]) -> Self {
         let left = |name: &String| ColumnUse {
             name: name.clone(),
             taken_as: None,
             note: String::from("no part of an experiment"),
         };
-        Self { columns: table.header.iter().map(left).collect() }
+        let beside = beside.iter().map(|beside| ColumnUse {
+            name: beside.name.clone(),
+            taken_as: None,
+            note: format!("{}, and no vector", beside.shown),
+        });
+        Self { columns: table.header.iter().map(left).chain(beside).collect() }
     }
 
     pub(super) fn taken(&mut self, column: usize, taken_as: &str, note: impl Into<String>) {

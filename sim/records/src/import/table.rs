@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use csv::ByteRecord;
 use memchr::memchr_iter;
 
-use super::ImportError;
+use super::error::{ImportError, Place};
 use super::quantity::Unit;
 
 /// A table in memory: trimmed header names, and the text of its rows.
@@ -22,6 +22,8 @@ pub(super) struct Table<'a> {
     separator: u8,
     /// Lines of the file before `text`.
     lines_before: u64,
+    /// How many numbers each column has, where the log is a binary one; empty where rows are lines of it.
+    counts: Vec<usize>,
 }
 
 /// What a comma in a number is.
@@ -46,8 +48,8 @@ pub(super) enum CellFormat {
 
 /// One row.
 pub(super) struct Row<'r> {
-    /// Where it begins in the file, from 1.
-    pub(super) line: u64,
+    /// Where it begins in the file.
+    pub(super) line: Place,
     cells: &'r ByteRecord,
 }
 
@@ -170,7 +172,26 @@ impl<'a> Table<'a> {
     /// The table whose names are `header` and whose rows are `text`, which begins behind `lines_before` lines of `file`. Rows may be
     /// shorter or longer than the header.
     pub(super) fn new(file: &Path, header: Vec<String>, text: Cow<'a, str>, separator: u8, lines_before: u64) -> Self {
-        Self { file: file.into(), header, comma: Comma::Wrong, text, separator, lines_before }
+        Self { file: file.into(), header, comma: Comma::Wrong, text, separator, lines_before, counts: Vec::new() }
+    }
+
+    /// The same of a binary log, whose rows are samples: `counts` in each column, in `text` with commas.
+    pub(super) fn of_samples(file: &Path, header: Vec<String>, text: Cow<'a, str>, counts: Vec<usize>) -> Self {
+        Self { counts, ..Self::new(file, header, text, b',', 0) }
+    }
+
+    /// Refuses columns that have more numbers than others, of which some are missing who knows where.
+    pub(super) fn check_lengths(&self, columns: &[usize]) -> Result<(), ImportError> {
+        let count = |column: &usize| self.counts.get(*column);
+        let Some(first) = columns.first() else { return Ok(()) };
+        let differs = columns.iter().find(|column| count(column) != count(first));
+        let Some((column, (found, needed))) =
+            differs.and_then(|column| Some((column, count(column).zip(count(first))?)))
+        else {
+            return Ok(());
+        };
+        let problem = format!("{found} numbers, but `{}` has {needed}", self.header[*first]);
+        Err(ImportError::Vector { file: self.file.clone(), name: self.header[*column].clone(), problem })
     }
 
     /// The place of the column of that name.
@@ -190,11 +211,20 @@ impl<'a> Table<'a> {
         // Bytes in memory cannot fail to be read, and rows may have any length.
         while reader.read_byte_record(&mut cells).unwrap_or(false) {
             if cells.iter().any(|cell| !cell.trim_ascii().is_empty()) {
-                let line = self.lines_before + cells.position().map_or(0, csv::Position::line);
-                see(&Row { line, cells: &cells })?;
+                let number = self.lines_before + cells.position().map_or(0, csv::Position::line);
+                see(&Row { line: self.place(number), cells: &cells })?;
             }
         }
         Ok(())
+    }
+
+    /// Whether rows are samples of a binary log.
+    pub(super) fn is_of_samples(&self) -> bool {
+        !self.counts.is_empty()
+    }
+
+    fn place(&self, number: u64) -> Place {
+        if self.is_of_samples() { Place::Sample(number) } else { Place::Line(number) }
     }
 
     /// The first thing that `find` finds in a row.
@@ -217,9 +247,9 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The line of row `index`.
-    pub(super) fn line(&self, index: usize) -> u64 {
-        self.at(index, |row| row.line).unwrap_or(0)
+    /// Where row `index` is.
+    pub(super) fn line(&self, index: usize) -> Place {
+        self.at(index, |row| row.line).unwrap_or(self.place(0))
     }
 
     /// The unit behind the first number of a column, in small letters; empty where there is none. All others need the same.
@@ -268,7 +298,7 @@ impl<'a> Table<'a> {
 
     /// The error of a blank in `column` in row `index`.
     pub(super) fn blank(&self, index: usize, column: usize) -> ImportError {
-        let (line, text) = self.at(index, |row| (row.line, row.text(column).to_owned())).unwrap_or_default();
+        let (line, text) = (self.line(index), self.at(index, |row| row.text(column).to_owned()).unwrap_or_default());
         let found = if text.is_empty() { String::from("empty") } else { format!("`{text}`") };
         ImportError::Blank { file: self.file.clone(), line, column: self.header[column].clone(), found }
     }

@@ -49,3 +49,21 @@ fn the_motor_that_moves_is_taken() {
     assert!(experiment.records[0].command.iter().any(|command| *command > 0.1));
     assert!(summary.notes.iter().any(|note| note.contains("taken is motor 2")), "{:?}", summary.notes);
 }
+
+#[test]
+fn columns_of_a_matlab_file_are_stated() {
+    let columns = ["command=u:duty", "rpm=y:rpm", "time=t:s"];
+    let Some(record) = staircase("mat-column-ignored/log.mat", &columns) else { return };
+    assert!(record.time_s.len() > 1000 && record.rpm.is_some());
+    assert!(record.command.iter().all(|command| (0.0..=1.0).contains(command)));
+}
+
+#[test]
+fn of_two_speeds_the_one_is_taken_that_the_thrust_agrees_with() {
+    let columns = ["command=ESC signal:dshot"];
+    let Some(found) = imported("slower-of-two-speeds/log.csv", Some(Excitation::Staircase), &columns) else { return };
+    let Import { experiment, summary } = found.unwrap();
+    let most = experiment.records[0].rpm.as_ref().unwrap().iter().copied().fold(0.0, f64::max);
+    assert!((41_000.0..43_000.0).contains(&most), "{most}: the optical one reads 4391 rad/s");
+    assert!(summary.notes.iter().any(|note| note.contains("0.857 = 6/7")), "{:?}", summary.notes);
+}

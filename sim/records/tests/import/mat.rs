@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use flate2::{Compression, write::ZlibEncoder};
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_records::Output;
 use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
+use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{self, message};
 
@@ -109,12 +109,51 @@ impl Writer {
         self
     }
 
+    /// A matrix of doubles, columns first.
+    fn doubles_of(&self, name: &str, dimensions: &[u32], values: &[f64]) -> Vec<u8> {
+        self.matrix(6, name, dimensions, &Stored::F64(values.to_vec()))
+    }
+
+    fn text(&self, name: &str, text: &str) -> Vec<u8> {
+        self.matrix(4, name, &[1, text.len() as u32], &Stored::U8(text.as_bytes().to_vec()))
+    }
+
+    /// Structs of these fields, one struct after the other; objects of a class where there is one.
+    fn structs(&self, name: &str, class: Option<&str>, fields: &[&str], structs: &[Vec<Vec<u8>>]) -> Vec<u8> {
+        let mut parts = self.element(6, &[self.word(if class.is_some() { 3 } else { 2 }), self.word(0)].concat());
+        parts.extend(self.element(5, &[self.word(1), self.word(structs.len() as u32)].concat()));
+        parts.extend(self.element(1, name.as_bytes()));
+        parts.extend(class.into_iter().flat_map(|class| self.element(1, class.as_bytes())));
+        parts.extend(self.element(5, &self.word(32)));
+        let padded = |field: &&str| {
+            let mut padded = field.as_bytes().to_vec();
+            padded.resize(32, 0);
+            padded
+        };
+        parts.extend(self.element(1, &fields.iter().flat_map(padded).collect::<Vec<u8>>()));
+        parts.extend(structs.iter().flatten().flatten());
+        self.element(14, &parts)
+    }
+
+    fn cells(&self, name: &str, cells: &[Vec<u8>]) -> Vec<u8> {
+        let mut parts = self.element(6, &[self.word(1), self.word(0)].concat());
+        parts.extend(self.element(5, &[self.word(1), self.word(cells.len() as u32)].concat()));
+        parts.extend(self.element(1, name.as_bytes()));
+        parts.extend(cells.iter().flatten());
+        self.element(14, &parts)
+    }
+
     fn doubles(&mut self, name: &str, values: impl IntoIterator<Item = f64>) -> &mut Self {
         self.vector(name, &Stored::F64(values.into_iter().collect()), true)
     }
 
     fn import(&self) -> Result<Import, ImportError> {
         imported(&self.bytes)
+    }
+
+    fn import_with(&self, columns: &[&str]) -> Result<Import, ImportError> {
+        let columns = columns.iter().map(|column| column.parse().unwrap()).collect();
+        importing::imported(&self.bytes, &ImportOptions { columns, ..ImportOptions::default() })
     }
 }
 
@@ -172,16 +211,17 @@ fn the_sample_is_taken_number_by_number() {
     check_numbers(&experiment);
     let uses: Vec<_> = summary.columns.iter().map(|c| (c.name.as_str(), c.taken_as.as_deref())).collect();
     let expected = [
-        ("remark", None),
         ("Time_s", Some("time_s")),
         ("V_bat", Some("voltage_v")),
-        ("current", None),
-        ("T", None),
         ("Throttle_percent", Some("command")),
         ("motor_rpm", Some("rpm")),
+        // Shorter ones come behind.
+        ("current", None),
+        ("T", None),
+        ("remark", None),
     ];
     assert_eq!(uses, expected);
-    assert!(summary.columns[3].note.contains("not a finite number in each of 400 rows"));
+    assert!(summary.columns[4].note.contains("filled in 399 of 400 rows"), "{:?}", summary.columns[4]);
 }
 
 #[test]
@@ -204,7 +244,7 @@ fn thrust_goes_before_speed_and_units_come_from_the_names() {
     assert_eq!((record.command[0], record.command[119]), (0.25, 0.5));
     assert_eq!(record.thrust_n.as_ref().unwrap()[0], 100.0 * 9.80665e-3);
     assert!((record.rpm.as_ref().unwrap()[0] - 30.0).abs() < 1e-13);
-    assert!(summary.pulse_widths && summary.notes[0].contains("response is the thrust"));
+    assert!(summary.pulse_widths && summary.notes[0].contains("response is the thrust"), "{:?}", summary.notes);
 }
 
 /// A log of 120 rows with one number changed.
@@ -229,10 +269,10 @@ fn rows_of_nan_are_left_out_and_told() {
 
 #[test]
 fn bad_numbers_are_named() {
-    let text = message(with("rpm", 50, f64::INFINITY));
-    assert!(text.contains("`rpm`, sample 51: inf: not finite"), "{text}");
-    let text = message(with("time", 50, 0.49));
-    assert!(text.contains("`time`, sample 51: 0.49: time does not increase"), "{text}");
+    let Import { summary, .. } = with("rpm", 50, f64::INFINITY).unwrap();
+    assert_eq!((summary.rows_taken, summary.dropped[0].rows), (119, 1), "an infinite number is none");
+    let text = message(with("time", 50, 0.48));
+    assert!(text.contains("sample 51, column `time`: time runs backwards by 0.01 s"), "{text}");
     let mut fast = Writer::new(false);
     for (vector, scale) in [("time", 5e-303), ("command", 0.005), ("rpm", 50.0)] {
         fast.doubles(vector, (0..120).map(|k| scale * f64::from(k)));
@@ -240,18 +280,25 @@ fn bad_numbers_are_named() {
     let text = message(fast.import());
     assert!(text.contains("variable `time`: rows come every 5e-303 s") && text.contains("in seconds"), "{text}");
     let text = message(with("command", 50, 1250.0));
-    assert!(text.contains("`command`, sample 51: 1250 is outside 0..1") && text.contains("command_us"), "{text}");
+    assert!(
+        text.contains("sample 51, column `command`: 1250 is outside 0..1") && text.contains("--pulse-us"),
+        "{text}"
+    );
 }
 
 #[test]
 fn missing_short_and_unequal_vectors_are_refused() {
     let rows = |n: u32| (0..n).map(|k| 1e-3 * f64::from(k));
     let mut log = Writer::new(false);
-    assert!(message(log.import()).contains("`time_s`"));
+    assert!(message(log.import()).contains("no column is known to be the time"));
     log.doubles("t", rows(120));
-    assert!(message(log.import()).contains("known name for `command`"));
+    assert!(message(log.import()).contains("no column is known to be the command"));
     log.doubles("u", rows(120));
-    assert!(message(log.import()).contains("`thrust_n or rpm`"));
+    let text = message(log.import());
+    assert!(
+        text.contains("known to be the thrust, and none the rpm") && text.contains("columns are `t`, `u`."),
+        "{text}"
+    );
     log.doubles("rpm", rows(119));
     assert!(message(log.import()).contains("vector `rpm`: 119 numbers, but `t` has 120"));
     let mut log = Writer::new(false);
@@ -263,13 +310,6 @@ fn missing_short_and_unequal_vectors_are_refused() {
 fn object(log: &Writer, name: &str, class: &str) -> Vec<u8> {
     let parts = [name, "MCOS", class].map(|text| log.element(1, text.as_bytes())).concat();
     log.element(14, &[log.element(6, &[log.word(17), log.word(0)].concat()), parts].concat())
-}
-
-/// An object of the kind before that, with dimensions as any array has.
-fn old_object(log: &Writer, name: &str, class: &str) -> Vec<u8> {
-    let dimensions = log.element(5, &[log.word(1), log.word(1)].concat());
-    let parts = [name, class].map(|text| log.element(1, text.as_bytes())).concat();
-    log.element(14, &[log.element(6, &[log.word(3), log.word(0)].concat()), dimensions, parts].concat())
 }
 
 /// A log of 120 rows whose command is this variable, packed or not.
@@ -298,20 +338,23 @@ fn what_is_no_vector_of_real_numbers_is_refused_by_its_name() {
     };
     let of_class = |class| shaped(class, &[120, 1]);
     type Made = Box<dyn Fn(&Writer) -> Vec<u8>>;
-    let cases: [(Made, &str, &str); 13] = [
-        (Box::new(shaped(6, &[60, 2])), "60x2 numbers", "`thrust = u(:, 2)`"),
+    let cases: [(Made, &str, &str); 12] = [
         (Box::new(shaped(6, &[4, 5, 6])), "4x5x6 numbers", "`thrust = u(:, 2)`"),
         (Box::new(shaped(6, &[0, 0])), "0x0 numbers", "`u` is empty"),
         (Box::new(shaped(6, &[0, 1])), "0x1 numbers", "`u` is empty"),
         (Box::new(of_class(6 | 0x0800)), "complex numbers", "`real(u)`"),
         (Box::new(of_class(5)), "a sparse matrix", "`full(u)`"),
-        (Box::new(of_class(1)), "a cell array", "`cell2mat(u)`"),
-        (Box::new(of_class(2)), "a struct", "`save(file, '-struct', 'u', '-v7')`"),
+        (Box::new(shaped(1, &[300, 1])), "a cell array", "`cell2mat(u)`"),
+        (Box::new(|log| log.structs("u", None, &[], &[vec![]])), "a struct", "`save(file, '-struct', 'u', '-v7')`"),
         (Box::new(of_class(4)), "text", "`str2double(u)`"),
         (Box::new(of_class(16)), "a function handle", "`command = u(time)`"),
         (Box::new(of_class(18)), "data of an unknown class", "save the numbers"),
-        (Box::new(|log| object(log, "u", "timeseries")), "a timeseries object", "`time = u.Time`"),
-        (Box::new(|log| old_object(log, "u", "timeseries")), "a timeseries object", "`time = u.Time`"),
+        (Box::new(|log| object(log, "u", "timeseries")), "an object of class timeseries", "`time = u.Time`"),
+        (
+            Box::new(|log| log.structs("u", Some("idpoly"), &[], &[vec![]])),
+            "an object of class idpoly",
+            "`time = u.Time`",
+        ),
     ];
     for (made, found, remedy) in cases {
         for compressed in [false, true] {
@@ -331,19 +374,152 @@ fn an_unfit_variable_gives_way_to_one_that_can_be_taken() {
     log.push(timeseries, true).doubles("time", ramp()).doubles("command", ramp()).doubles("rpm", ramp());
     let Import { experiment, summary } = log.import().unwrap();
     assert_eq!(experiment.output, Output::Rpm);
-    assert_eq!((summary.columns[0].name.as_str(), &summary.columns[0].taken_as), ("thrust", &None));
-    assert!(summary.columns[0].note.contains("a timeseries object"), "{}", summary.columns[0].note);
+    assert_eq!((summary.columns[3].name.as_str(), &summary.columns[3].taken_as), ("thrust", &None));
+    assert!(summary.columns[3].note.contains("an object of class timeseries"), "{}", summary.columns[3].note);
 }
 
 #[test]
 fn what_the_file_has_is_said_where_a_signal_is_missing() {
     let mut log = Writer::new(false);
-    let run = log.matrix(2, "run", &[1, 1], &Stored::U8(vec![]));
+    let run = log.structs("run", None, &[], &[vec![]]);
     log.doubles("t", (0..120).map(f64::from)).doubles("y", (0..120).map(f64::from)).push(run, true);
     let text = message(log.import());
-    let there = "for `command`; the file has `t` (120x1 numbers), `y` (120x1 numbers), `run` (a struct) | ";
-    assert!(text.contains(there) && text.contains("or save the fields of `run` as vectors"), "{text}");
-    assert!(message(Writer::new(false).import()).contains("the file has no variables"));
+    assert!(text.contains("the columns are `t`, `y`; no columns are `run` (a struct)"), "{text}");
+    assert!(message(Writer::new(false).import()).contains("the columns are none"));
+}
+
+/// Rows of a staircase of 12 levels, at 100 Hz: time, command and a speed.
+fn stairs() -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let rows = || 0..240;
+    let level = |row: usize| [0.2, 0.5, 0.3, 0.6][row / 60];
+    (
+        rows().map(|row| row as f64 / 100.0).collect(),
+        rows().map(level).collect(),
+        rows().map(|row| 20_000.0 * level(row) + (row % 7) as f64).collect(),
+    )
+}
+
+fn check_stairs(import: Result<Import, ImportError>) {
+    let (time, command, speed) = stairs();
+    let Import { experiment, .. } =
+        import.unwrap_or_else(|error| panic!("{error} | {:?}", error.help().map(|h| h.to_string())));
+    let record = &experiment.records[0];
+    assert!(record.time_s.iter().zip(&time).all(|(found, expected)| (found - expected).abs() < 1e-12));
+    assert_eq!((&record.command, record.rpm.as_ref().unwrap()), (&command, &speed));
+    assert_eq!(record.excitation, Excitation::Staircase);
+    assert!((experiment.sample_rate_hz.unwrap() - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn columns_of_a_vectors_name_are_stated_as_of_any_table() {
+    let (time, command, speed) = stairs();
+    let mut log = Writer::new(false);
+    log.doubles("t", time).doubles("u", command).doubles("y", speed);
+    check_stairs(log.import_with(&["command=u:duty", "rpm=y:rpm", "time=t:s"]));
+    check_stairs(log.import_with(&["rpm=y:rpm"]));
+    let text = message(log.import_with(&["rpm=n:rpm"]));
+    assert!(text.contains("no column `n`") && text.contains("the columns are `t`, `u`, `y`"), "{text}");
+    assert!(message(log.import()).contains("none the rpm"));
+}
+
+#[test]
+fn a_matrix_has_a_signal_in_each_of_its_lines() {
+    let (time, command, speed) = stairs();
+    let percent = command.iter().map(|command| 100.0 * command).collect::<Vec<_>>();
+    // With the time in a column, beside a vector of it, and lying.
+    let mut log = Writer::new(false);
+    let matrix = log.doubles_of("Data", &[240, 3], &[time.clone(), percent.clone(), speed.clone()].concat());
+    log.push(matrix, true);
+    check_stairs(log.import_with(&["time=Data(:,1):s", "command=Data(:,2):percent", "rpm=Data(:,3):rpm"]));
+    let text = message(log.import());
+    assert!(text.contains("the columns are `Data(:,1)`, `Data(:,2)`, `Data(:,3)`"), "{text}");
+    let mut log = Writer::new(true);
+    let lying: Vec<f64> = percent.iter().zip(&speed).flat_map(|(percent, speed)| [*percent, *speed]).collect();
+    let matrix = log.doubles_of("Data", &[2, 240], &lying);
+    log.doubles("time", time).push(matrix, false);
+    check_stairs(log.import_with(&["command=Data(1,:):percent", "rpm=Data(2,:):rpm"]));
+}
+
+#[test]
+fn fields_of_structs_are_called_by_their_path_and_what_the_file_calls_them() {
+    let (time, command, speed) = stairs();
+    let field = |log: &Writer, values: &[f64]| log.doubles_of("", &[1, 240], values);
+    // One's own struct, whose names say what they are.
+    let mut log = Writer::new(false);
+    let run = [&time, &command, &speed].map(|values| field(&log, values)).to_vec();
+    let run = log.structs("run", None, &["time_s", "throttle", "rpm"], &[run]);
+    log.push(run, true);
+    check_stairs(log.import());
+    check_stairs(log.import_with(&["command=run.throttle:duty", "rpm=rpm:rpm"]));
+    // A record of dSPACE's ControlDesk.
+    let mut log = Writer::new(false);
+    let x = log.structs("", None, &["Name", "Data"], &[vec![log.text("", "HostService"), field(&log, &time)]]);
+    let signal = |name: &str, values: &[f64]| vec![log.text("", name), field(&log, values)];
+    let y = [signal("Model Root/throttle", &command), signal("Model Root/rotor speed", &speed)];
+    let y = log.structs("", None, &["Name", "Data"], &y);
+    let recording = log.structs("rec_001", None, &["X", "Y"], &[vec![x, y]]);
+    log.push(recording, true);
+    for (command, rpm) in [
+        ("rec_001.Y(1).Data", "rec_001.Y(2).Data"),
+        ("Model Root/throttle", "Model Root/rotor speed"),
+        ("Y(1).Data", "Y(2).Data"),
+    ] {
+        check_stairs(log.import_with(&[&format!("command={command}:duty"), &format!("rpm={rpm}:rpm")]));
+    }
+    let text = message(log.import());
+    assert!(text.contains("`rec_001.X.Data` (`time`), `rec_001.Y(1).Data` (`Model Root/throttle`)"), "{text}");
+    // Simulink's structure with time, whose signals say their units.
+    let mut log = Writer::new(false);
+    let signal =
+        |label: &str, unit: &str, values: &[f64]| vec![field(&log, values), log.text("", label), log.text("", unit)];
+    let percent = command.iter().map(|command| 100.0 * command).collect::<Vec<_>>();
+    let signals = [signal("throttle", "%", &percent), signal("rotor speed", "rpm", &speed)];
+    let signals = log.structs("", None, &["values", "label", "unit"], &signals);
+    let out = log.structs("out", None, &["time", "signals"], &[vec![field(&log, &time), signals]]);
+    log.push(out, false);
+    check_stairs(log.import());
+}
+
+#[test]
+fn data_for_identification_have_their_interval_in_place_of_times() {
+    let (_, command, speed) = stairs();
+    let fields = ["u", "y", "Ts"];
+    let numbers = |log: &Writer| {
+        [&command[..], &speed, &[0.01]].map(|values| log.doubles_of("", &[values.len() as u32, 1], values)).to_vec()
+    };
+    // As a struct of its own, an object of the old class, whose signals are in cells, and vectors in the workspace.
+    let mut log = Writer::new(false);
+    let data = log.structs("z", None, &fields, &[numbers(&log)]);
+    log.push(data, true);
+    check_stairs(log.import_with(&["rpm=z.y:rpm"]));
+    check_stairs(log.import_with(&["command=u:duty", "rpm=y:rpm", "time=Ts:s"]));
+    let mut log = Writer::new(false);
+    let cells = numbers(&log).into_iter().map(|cell| log.cells("", &[cell])).collect::<Vec<_>>();
+    let data = log.structs("z", Some("iddata"), &["InputData", "OutputData", "Ts"], &[cells]);
+    log.push(data, true);
+    check_stairs(log.import_with(&["rpm=z.OutputData:rpm"]));
+    let mut log = Writer::new(false);
+    log.doubles("u", command.clone()).doubles("y", speed.clone()).doubles("Ts", [0.01]);
+    check_stairs(log.import_with(&["rpm=y:rpm"]));
+    // An object that only MATLAB reads.
+    let mut log = Writer::new(false);
+    let data = object(&log, "u", "iddata");
+    log.push(data, true);
+    let text = message(log.import());
+    assert!(text.contains("`u`: an object of class iddata") && text.contains("`Ts = u.Ts`"), "{text}");
+}
+
+#[test]
+fn structs_within_each_other_end_somewhere() {
+    let log = Writer::new(false);
+    let mut inner = log.doubles_of("", &[2, 1], &[0.0, 1.0]);
+    for _ in 0..1000 {
+        inner = log.cells("", &[inner]);
+    }
+    let mut log = Writer::new(false);
+    let cells = log.cells("u", &[inner]);
+    log.push(cells, false);
+    assert!(message(log.import()).contains("a cell array"));
 }
 
 #[test]

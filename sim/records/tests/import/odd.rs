@@ -400,10 +400,18 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     assert_eq!(column("ESC signal").note, "DShot: 48..2047 become 0..1, 0 is stop; guessed");
     assert_eq!(column("Motor Electrical").note, "zero or blank in every row");
     // Where both speeds move, the electrical one is taken, and what it misses is said.
-    let both = stand(dshot, "rad/s").replace(",0,31", ",3100,31");
+    let both = stand(dshot, "rad/s");
+    let with_electrical = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
+        [time, command, thrust, "0", optical, ""] => {
+            let electrical = if command == "0" { 0.8 } else { 0.9 } * optical.parse::<f64>().unwrap();
+            format!("{time},{command},{thrust},{electrical},{optical},\n")
+        }
+        _ => format!("{line}\n"),
+    };
+    let both: String = both.lines().map(with_electrical).collect();
     let Import { summary, .. } = taken(both, "none").unwrap();
     let note = summary.notes.iter().find(|note| note.contains("differ")).unwrap();
-    assert!(note.contains("in 300 of 400 rows") && note.contains("'rpm=Motor Optical Speed (rad/s):rad/s'"), "{note}");
+    assert!(note.contains("in 400 of 400 rows") && note.contains("'rpm=Motor Optical Speed (rad/s):rad/s'"), "{note}");
     // Orders to the ESC stand for a motor at rest.
     let orders = stand(dshot, "RPM").replace(",0,2,", ",13,2,");
     let Import { experiment, summary } = taken(&orders, "none").unwrap();
@@ -515,4 +523,20 @@ fn a_table_of_steady_points_is_a_static_map() {
     assert_eq!((found.excitation, found.time_s.len()), (Excitation::Steady, 12));
     // A log of more rows than that is none, nor is one that holds its levels.
     assert!(message(taken(table(), "none")).contains("does not say what drove the command"));
+}
+
+#[test]
+fn a_fraction_in_a_column_called_percent_is_one() {
+    let fraction = |name: &str| with_command(name, |pulse| (pulse - 1000.0) / 1000.0);
+    for name in ["Throttle (%)", "throttle_percent", "cmd [pct]"] {
+        let Import { experiment, summary } = taken(fraction(name), "").unwrap();
+        assert_eq!(experiment.records[0].command[150], 0.5, "{name}");
+        let note = summary.notes.iter().find(|note| note.contains("guessed to be duty")).unwrap();
+        assert!(note.contains(name) && note.contains("no motor turns at 1 percent"), "{note}");
+    }
+    // What is stated is obeyed, and so is a header that may be right.
+    let Import { experiment, .. } = taken(fraction("throttle"), "command=throttle:percent").unwrap();
+    assert_eq!(experiment.records[0].command[150], 0.005);
+    let low = with_command("Throttle (%)", |pulse| (pulse - 1000.0) / 100.0);
+    assert_eq!(taken(low, "").unwrap().experiment.records[0].command[150], 0.05);
 }

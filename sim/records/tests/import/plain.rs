@@ -1,5 +1,7 @@
 //! Plain tables: any logger's columns, units, separators and lines above the header.
 
+use std::fmt::Write as _;
+
 use proptest::prelude::*;
 use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output, Record};
@@ -398,4 +400,43 @@ fn a_hole_in_the_command_of_whole_rows_stays_an_error() {
     });
     let error = message(interleaved(&interleaved_series(rows)));
     assert!(error.contains("line 202, column `/motor/command`: empty"), "{error}");
+}
+
+/// A stand's log with what its two sensors of the speed read of each level's speed; with the thrust or without.
+fn two_speeds(electrical: impl Fn(f64) -> f64, optical: impl Fn(f64) -> f64, has_thrust: bool) -> Import {
+    let mut text =
+        String::from("Time (s),ESC signal (µs),Thrust (gf),Motor Electrical Speed (RPM),Motor Optical Speed (RPM)\n");
+    for row in 0..600 {
+        let pulse = [1000, 1100, 1300, 1600, 1900, 1300][row / 100];
+        let speed = 30.0 * f64::from(pulse - 1000);
+        let thrust = if has_thrust { (1e-6 * speed * speed + 0.3).to_string() } else { String::new() };
+        let ripple = (row % 3) as f64;
+        let [electrical, optical] =
+            [electrical(speed), optical(speed)].map(|s| if speed > 0.0 { s + ripple } else { 0.0 });
+        writeln!(text, "{},{pulse},{thrust},{electrical},{optical}", row as f64 / 100.0).unwrap();
+    }
+    imported(text.as_bytes(), &ImportOptions::default()).unwrap()
+}
+
+#[test]
+fn a_speed_that_is_lost_at_some_levels_gives_way_to_the_other() {
+    let most = |import: &Import| import.experiment.records[0].rpm.as_ref().unwrap().iter().copied().fold(0.0, f64::max);
+    let says = |import: &Import, part: &str| import.summary.notes.iter().any(|note| note.contains(part));
+    let lost_below = |from: f64| move |speed: f64| if speed < from { 40.0 } else { speed * 11.0 / 12.0 };
+    // The electrical one is lost at the lowest level, at the lowest two, and at the highest without any thrust.
+    for lost in [lost_below(4000.0), lost_below(10_000.0)] {
+        let taken = two_speeds(lost, |speed| speed, true);
+        assert_eq!(most(&taken), 27_002.0);
+        assert!(says(&taken, "0.917 = 11/12 of the other: check the pole count"), "{:?}", taken.summary.notes);
+    }
+    let taken = two_speeds(|speed| if speed > 20_000.0 { 100.0 } else { speed }, |speed| speed, false);
+    assert_eq!(most(&taken), 27_002.0);
+    // The optical one is lost: the electrical one stays.
+    let taken = two_speeds(|speed| speed * 0.5, |speed| if speed < 4000.0 { 0.0 } else { speed }, true);
+    assert_eq!(most(&taken), 13_502.0);
+    assert!(says(&taken, "0.500 = 1/2 of the other"), "{:?}", taken.summary.notes);
+    // Both agree with the thrust.
+    let taken = two_speeds(|speed| speed * 6.0 / 7.0, |speed| speed, true);
+    assert_eq!(most(&taken), 27_000.0 * 6.0 / 7.0 + 2.0);
+    assert!(says(&taken, "0.857 = 6/7 of the other"), "{:?}", taken.summary.notes);
 }
