@@ -195,9 +195,9 @@ fn what_import_cannot_know_or_do_is_refused() {
     }
     stand.run(SQUARE);
     stand.refuses(SQUARE, 1, &["u050_square.csv"]);
-    let mat = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/vectors.mat");
-    let import = format!("import {mat} --column time=t:s --out other");
-    stand.refuses(&import, 2, &["--column does not go with", "vectors.mat", "leave --column out"]);
+    let ulog = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/records/tests/data/esc_status.ulg");
+    let import = format!("import {ulog} --column time=t:s --out other");
+    stand.refuses(&import, 2, &["--column does not go with", "esc_status.ulg", "leave --column out"]);
 }
 
 #[test]

@@ -79,8 +79,8 @@ impl Experiment {
         self.check_appendable(folder)?;
         let path = folder.join(MANIFEST);
         let refused = |path: &Path, fault| FileError::refused(path, fault);
-        let names = self.records.iter().flat_map(|record| record_files(record).into_iter().map(|(name, _)| name));
-        if let Some(name) = names.into_iter().find(|name| folder.join(name).exists()) {
+        let mut names = self.records.iter().flat_map(|record| record_files(record).into_iter().map(|(name, _)| name));
+        if let Some(name) = names.find(|name| folder.join(name).exists()) {
             let fault = KeyPath::root()
                 .key("record")
                 .fault("there is such a file in the experiment already", "rename the log: a record is named after it");

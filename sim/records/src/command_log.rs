@@ -110,9 +110,19 @@ mod tests {
         let rows = [0.0, 0.02, 0.04, 0.06];
         assert_eq!(log().at_rows(&rows, Excitation::Staircase), [0.2, 0.4, 0.4, 0.6]);
         assert_eq!(rows.map(|row| log().last_change(row)), [0, 2, 2, 3]);
-        assert_eq!(log().resolution_s(), 0.01);
         assert_eq!(log().changes(0.0, 0.06), (vec![0.0, 0.015, 0.0425], vec![0.2, 0.4, 0.6]));
         assert_eq!(log().changes(0.02, 0.04), (vec![0.02], vec![0.4]));
+    }
+
+    #[test]
+    fn a_log_that_repeats_its_command_knows_a_change_to_its_interval() {
+        let log = |command: &[f64]| CommandLog {
+            file: "commands.csv".into(),
+            time_s: (0..command.len()).map(|place| place as f64).collect(),
+            command: command.to_vec(),
+        };
+        assert_eq!(log(&[0.2, 0.2, 0.2, 0.4, 0.4, 0.4]).resolution_s(), 1.0);
+        assert_eq!(log(&[0.2, 0.4, 0.6, 0.4, 0.2]).resolution_s(), 0.0);
     }
 
     #[test]

@@ -172,7 +172,7 @@ fn read_own_stamps(folder: &Path, name: String, kind: CommandKind, first_s: f64)
     let text = TextFile::read(&folder.join(&name))?;
     let mut table = Table::read(text, &[Column::TimeS, Column::Command], kind)?;
     let (time_s, command) = (table.take(Column::TimeS), table.take(Column::Command));
-    table.check_begins(first_s, time_s[0])?;
+    table.check_start(first_s, time_s[0])?;
     Ok(CommandLog { file: name, time_s, command })
 }
 

@@ -77,17 +77,17 @@ impl Table {
         Err(self.cells.wrong(Column::Command, &self.text, row + 1, message, help.into()))
     }
 
-    /// Refuses a command log that begins after the rows that it drives.
-    pub(super) fn check_begins(&self, first_s: f64, begins_s: f64) -> Result<(), FileError> {
-        if begins_s <= first_s {
+    /// Refuses a command log that starts after the rows that it drives.
+    pub(super) fn check_start(&self, first_s: f64, start_s: f64) -> Result<(), FileError> {
+        if start_s <= first_s {
             return Ok(());
         }
         let message = format!(
             "the first command is at {} s, after the record's first row at {} s",
-            shown(begins_s),
+            shown(start_s),
             shown(first_s)
         );
-        let help = "begin it with the command that is in force at the first row";
+        let help = "start it with the command that is in force at the first row";
         Err(self.cells.wrong(Column::TimeS, &self.text, 1, message, help.into()))
     }
 

@@ -162,7 +162,7 @@ fn check_log(log: &CommandLog, record: &Record) -> Result<(), Fault> {
     }
     if log.time_s[0] > record.time_s[0] {
         let message = "the first command is after the record's first row";
-        let help = "begin it with the command that is in force at the first row";
+        let help = "start it with the command that is in force at the first row";
         return Err(place(Column::TimeS).item(0).fault(message, help));
     }
     let expected = log.at_rows(&record.time_s, record.excitation);

@@ -3,7 +3,8 @@
 //! - *A chirp* of the actuator chirp applet: the messages `ECRP`, whose rows have the pulse width that was put out and the speed at that
 //!   moment. A row's command holds until the next row. Each sweep is a chirp of its own.
 //! - *Otherwise* `RCOU`, the pulse widths of the outputs, and `ESC`, whose instances count outputs from zero. A report has its own
-//!   stamp; the command is held to it, and kept on its own stamps beside. Which output a motor is on is said by the parameters `SERVOn_FUNCTION`.
+//!   stamp; the command is held to it, and kept on its own stamps too. Which output a motor is on is said by the parameters
+//!   `SERVOn_FUNCTION`.
 //! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane), of a
 //!   plane's throttle by those of its output, `SERVOn_MIN` and `SERVOn_MAX`, unless a range is stated.
 
@@ -188,8 +189,8 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let of_range = motors.pulse_range_parameters(output);
     let range = pulse_range(file, log, &of_range, response[rows[0]].0, options, &mut notes)?;
     let name = format!("{OUTPUTS}.C{output}");
-    let of_rows = held.command(file, &name, (&command, &response), range, |command| command)?;
-    let HeldCommand { at_rows: command, own: own_command } = of_rows;
+    let HeldCommand { at_rows: command, own: own_command } =
+        held.command(file, &name, (&command, &response), range, |command| command)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ESC.TimeUS", rows, stamps)?;
     let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);

@@ -48,12 +48,12 @@ impl Held {
         let raw = places.iter().map(|&place| command[place].1).collect();
         let values: Vec<f64> = normalized(file, name, &places, raw, range)?.into_iter().map(bent).collect();
         // A row's command is on.
-        let of_row = |place: &usize| values[places.partition_point(|on| on < place)];
+        let value_at = |place: &usize| values[places.partition_point(|on| on < place)];
         let origin_us = response[self.rows[0]].0;
         // As the rows count theirs: stamps that are equal stay so.
         let seconds = |place: &usize| command[*place].0 * 1e-6 - origin_us * 1e-6;
         Ok(HeldCommand {
-            at_rows: self.commands.iter().map(of_row).collect(),
+            at_rows: self.commands.iter().map(value_at).collect(),
             own: places.iter().map(seconds).zip(values.iter().copied()).collect(),
         })
     }

@@ -245,7 +245,7 @@ fn table<'a>(file: &Path, variables: Vec<Variable>) -> PlainTable<'a> {
     let counts = columns.iter().map(|column| column.values.len()).collect();
     let header = columns.iter().map(|column| column.name.clone()).collect();
     PlainTable {
-        table: Table::of_samples(file, header, Cow::Owned(text), counts),
+        table: Table::from_samples(file, header, Cow::Owned(text), counts),
         units: columns.iter().map(|column| column.unit.clone()).collect(),
         labels: columns.into_iter().map(|column| column.label).collect(),
         beside,
@@ -263,8 +263,8 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     })?;
     let plain = table(file, variables);
     let mut taken = take_table(plain, options, &FORMAT)?;
-    let of_time = |column: &&super::ColumnUse| column.taken_as.as_deref() == Some(Quantity::Time.column());
-    let name = taken.summary.columns.iter().find(of_time).map_or("time", |column| &column.name);
+    let is_time = |column: &&super::ColumnUse| column.taken_as.as_deref() == Some(Quantity::Time.column());
+    let name = taken.summary.columns.iter().find(is_time).map_or("time", |column| &column.name);
     let rows: Vec<usize> = (0..taken.time_s.len()).collect();
     let (time_s, sample_rate_hz, _) = zero_based_stamps(file, name, &rows, std::mem::take(&mut taken.time_s))?;
     Ok(Taken { time_s, sample_rate_hz, ..taken })

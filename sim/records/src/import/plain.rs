@@ -69,7 +69,7 @@ pub(super) fn take_table(
     let rows_read = rows.time.len().max(rows.command.len());
     rows.places = (0..rows_read).collect();
     notes.extend(rows.hold_interleaved(options.output));
-    if table.is_of_samples() {
+    if table.has_samples() {
         rows.leave_out_no_numbers();
     }
     let mut command_note = String::new();

@@ -1,6 +1,6 @@
 //! Which of two columns of a speed is the rotor's, and what is to be said of two that differ.
 //!
-//! Thrust goes with the square of the speed, whatever the unit of either and whatever the number of poles that a stand was told. Of
+//! Thrust goes with the square of the speed, whatever the unit of either and whatever the number of poles that a stand is set to. Of
 //! two speeds one that keeps to that over the levels of the command is taken in place of one that does not: an electrical speed is lost
 //! where the motor's voltage shows none, an optical one where its mark does not. Without a thrust, a speed that falls while the
 //! command and the other speed rise is not taken.
@@ -13,7 +13,7 @@ use rotorlead_numerics::sample::median;
 
 /// Share of the greatest speed by which two sensors of it may differ. Chosen: what levels of one command scatter by.
 const OTHER_SPEED: f64 = 0.05;
-/// Levels of the command that are told apart. Chosen: a staircase has some ten.
+/// Levels of the command that are kept apart. Chosen: a staircase has some ten.
 const LEVELS: usize = 20;
 /// Readings of which a level's median is known. Chosen: what the step to it takes is less than half of more.
 const LEAST_READINGS: usize = 5;
@@ -107,7 +107,7 @@ pub(super) fn differing(plain: &PlainTable<'_>, taken: Pick, beside: Option<Besi
     let [name, other_name] = [taken, other].map(|pick| &plain.table.header[pick.column]);
     let fast = one.iter().zip(&two).filter(|(_, b)| b.abs() > most / 2.0).map(|(a, b)| (a / b).abs());
     let ratio = median(fast.filter(|ratio| ratio.is_finite()));
-    let pairs = ratio.and_then(|ratio| of_pole_pairs(ratio.min(ratio.recip()))).unwrap_or_default();
+    let pairs = ratio.and_then(|ratio| pole_pair_ratio(ratio.min(ratio.recip()))).unwrap_or_default();
     let is_lost = beside.is_some_and(|beside| is_lost(plain, other.column, taken.column, beside));
     let why = if is_lost {
         format!("; taken is `{name}`, which the thrust and the command agree with over all levels")
@@ -125,7 +125,7 @@ pub(super) fn differing(plain: &PlainTable<'_>, taken: Pick, beside: Option<Besi
 }
 
 /// What is to be said of a ratio of two speeds, below one, that is one of pole pairs.
-fn of_pole_pairs(ratio: f64) -> Option<String> {
+fn pole_pair_ratio(ratio: f64) -> Option<String> {
     let pairs = (1..=MOST_PAIRS).flat_map(|counted| (1..=MOST_PAIRS).map(move |set| (counted, set)));
     let is_it = |(counted, set): &(u32, u32)| {
         counted != set && (f64::from(*counted) / f64::from(*set) - ratio).abs() < SAME_RATIO
@@ -142,11 +142,11 @@ mod tests {
     #[test]
     fn ratios_of_pole_pairs_are_the_simplest_ones() {
         for (ratio, expected) in [(0.857, Some("6/7")), (0.5, Some("1/2")), (0.9165, Some("11/12"))] {
-            let found = of_pole_pairs(ratio);
+            let found = pole_pair_ratio(ratio);
             assert_eq!(found.is_some(), expected.is_some());
             assert!(found.unwrap().contains(expected.unwrap()), "{ratio}");
         }
-        assert_eq!(of_pole_pairs(1.0), None);
-        assert_eq!(of_pole_pairs(0.97), None);
+        assert_eq!(pole_pair_ratio(1.0), None);
+        assert_eq!(pole_pair_ratio(0.97), None);
     }
 }

@@ -176,7 +176,7 @@ impl<'a> Table<'a> {
     }
 
     /// The same of a binary log, whose rows are samples: `counts` in each column, in `text` with commas.
-    pub(super) fn of_samples(file: &Path, header: Vec<String>, text: Cow<'a, str>, counts: Vec<usize>) -> Self {
+    pub(super) fn from_samples(file: &Path, header: Vec<String>, text: Cow<'a, str>, counts: Vec<usize>) -> Self {
         Self { counts, ..Self::new(file, header, text, b',', 0) }
     }
 
@@ -219,12 +219,12 @@ impl<'a> Table<'a> {
     }
 
     /// Whether rows are samples of a binary log.
-    pub(super) fn is_of_samples(&self) -> bool {
+    pub(super) fn has_samples(&self) -> bool {
         !self.counts.is_empty()
     }
 
     fn place(&self, number: u64) -> Place {
-        if self.is_of_samples() { Place::Sample(number) } else { Place::Line(number) }
+        if self.has_samples() { Place::Sample(number) } else { Place::Line(number) }
     }
 
     /// The first thing that `find` finds in a row.

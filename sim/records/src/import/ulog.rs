@@ -4,7 +4,7 @@
 //!   logged, `actuator_outputs.output`, a pulse width numbered by output channel.
 //! - The response is `esc_status.esc[].esc_rpm`. Each report has its own stamp, which is kept; a status
 //!   that repeats an ESC's last report, because another ESC answered, is left out.
-//! - The two topics have their own rates: the command is held to the response's stamps, and kept on its own beside.
+//! - The two topics have their own rates: the command is held to the response's stamps, and kept on its own too.
 
 use std::path::Path;
 
