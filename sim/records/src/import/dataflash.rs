@@ -190,7 +190,7 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let range = pulse_range(file, log, &of_range, response[rows[0]].0, options, &mut notes)?;
     let name = format!("{OUTPUTS}.C{output}");
     let HeldCommand { at_rows: command, own: own_command } =
-        held.command(file, &name, (&command, &response), range, |command| command)?;
+        held.command(file, &name, &command, &response, range, |command| command)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = zero_based_stamps(file, "ESC.TimeUS", rows, stamps)?;
     let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);

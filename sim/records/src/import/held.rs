@@ -35,7 +35,8 @@ impl Held {
         &self,
         file: &Path,
         name: &str,
-        (command, response): (&[(f64, f64)], &[(f64, f64)]),
+        command: &[(f64, f64)],
+        response: &[(f64, f64)],
         range: (f64, f64),
         bent: impl Fn(f64) -> f64,
     ) -> Result<HeldCommand, ImportError> {

@@ -112,7 +112,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         becomes = format!("as the ESC's signal, by {THRUST_FACTOR} = {factor}; on its own stamps");
     }
     let bent = |command: f64| factor.map_or(command, |factor| signal(command, factor));
-    let HeldCommand { at_rows, own } = held.command(file, &command_name, (&command, &response), range, bent)?;
+    let HeldCommand { at_rows, own } = held.command(file, &command_name, &command, &response, range, bent)?;
     refuse_flight(file, options, &log, (topic, field, range), (motor, &command), response[rows[0]].0)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) =
