@@ -115,6 +115,7 @@ fn record(file: &str, nominal: f64, wave: &[f64], thrust_deviation: Vec<f64>) ->
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     }
 }
 

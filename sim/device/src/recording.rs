@@ -141,6 +141,7 @@ pub fn template(file: String, nominal: f64, excitation: Excitation, compensated:
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     }
 }
 

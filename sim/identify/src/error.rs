@@ -5,6 +5,7 @@ use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::files::Fault;
 use thiserror::Error;
 
+use crate::flight::error::FlightError;
 use crate::lag::steps::error::StepsError;
 use crate::stand::error::StandError;
 use crate::stand::transfer_function::error::ParametricError;
@@ -297,6 +298,10 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Parametric(#[from] ParametricError),
+    /// A flight gives no time constant.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Flight(#[from] FlightError),
     /// A record says nothing of the stand.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -329,6 +329,7 @@ fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<Finding> {
             Excitation::Staircase => ("a staircase", "; its levels are in the static map"),
             Excitation::Triangle => ("a triangle", ""),
             Excitation::Chirp => ("a chirp", ""),
+            Excitation::Flight => ("a flight", ""),
             Excitation::Free => ("`free`", ""),
         };
         Some(Finding {

@@ -6,6 +6,7 @@
 //! validate         records and a model       -> how much of them it explains
 //! static_map       steady levels             -> the steady response against the command
 //! lag              records                   -> gain, time constant and dead time at each nominal command
+//! flight           a motor's record in flight  -> its lag, in closed loop
 //! stand            records of a stand        -> its transfer function
 //! frequency_response  spectra                -> response over command, its bandwidth, its distortion
 //! spectra          periodic records          -> lines at the excited frequencies, with their noise
@@ -18,6 +19,7 @@ pub mod alignment;
 pub mod check;
 pub mod error;
 pub mod estimate;
+pub mod flight;
 pub mod frequency_response;
 pub mod goodness_of_fit;
 pub mod identification;

@@ -42,5 +42,6 @@ pub fn record(row_rate_hz: f64, period_s: Option<f64>, command: Vec<f64>, thrust
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     }
 }

@@ -167,6 +167,7 @@ mod tests {
             esc_command: None,
             voltage_v: None,
             current_a: None,
+            setpoints: super::Setpoints::default(),
         };
         Experiment {
             name: "stand".into(),

@@ -14,12 +14,27 @@ pub(super) enum Column {
     EscCommand,
     VoltageV,
     CurrentA,
+    SetpointRoll,
+    SetpointPitch,
+    SetpointYaw,
+    SetpointThrottle,
 }
 
 impl Column {
     /// Every column, in the order in which they are written.
-    pub(super) const ALL: [Self; 7] =
-        [Self::TimeS, Self::Command, Self::ThrustN, Self::Rpm, Self::EscCommand, Self::VoltageV, Self::CurrentA];
+    pub(super) const ALL: [Self; 11] = [
+        Self::TimeS,
+        Self::Command,
+        Self::ThrustN,
+        Self::Rpm,
+        Self::EscCommand,
+        Self::VoltageV,
+        Self::CurrentA,
+        Self::SetpointRoll,
+        Self::SetpointPitch,
+        Self::SetpointYaw,
+        Self::SetpointThrottle,
+    ];
 
     /// Its name in the header.
     pub(super) fn name(self) -> &'static str {
@@ -31,6 +46,10 @@ impl Column {
             Self::EscCommand => "esc_command",
             Self::VoltageV => "voltage_v",
             Self::CurrentA => "current_a",
+            Self::SetpointRoll => "setpoint_roll_rad_s",
+            Self::SetpointPitch => "setpoint_pitch_rad_s",
+            Self::SetpointYaw => "setpoint_yaw_rad_s",
+            Self::SetpointThrottle => "setpoint_throttle",
         }
     }
 
@@ -57,6 +76,10 @@ impl Column {
             Self::EscCommand => record.esc_command.as_deref(),
             Self::VoltageV => record.voltage_v.as_deref(),
             Self::CurrentA => record.current_a.as_deref(),
+            Self::SetpointRoll => record.setpoints.roll_rad_s.as_deref(),
+            Self::SetpointPitch => record.setpoints.pitch_rad_s.as_deref(),
+            Self::SetpointYaw => record.setpoints.yaw_rad_s.as_deref(),
+            Self::SetpointThrottle => record.setpoints.throttle.as_deref(),
         }
     }
 
@@ -115,6 +138,8 @@ impl Column {
             Self::Rpm => &AcceptedRange::RPM,
             Self::VoltageV => &AcceptedRange::VOLTAGE_V,
             Self::CurrentA => &AcceptedRange::CURRENT_A,
+            Self::SetpointRoll | Self::SetpointPitch | Self::SetpointYaw => &AcceptedRange::RATE_RAD_S,
+            Self::SetpointThrottle => &AcceptedRange::DUTY,
         }
     }
 }

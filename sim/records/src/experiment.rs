@@ -71,13 +71,15 @@ pub enum Excitation {
     /// A table of steady operating points, one in each row, in the order in which they were measured. Where the points have no
     /// times they are numbered, so that a row's time says nothing of a lag.
     Steady,
+    /// A flight: a controller moves the command by what the motors do to the vehicle. One record for each motor, over the same time.
+    Flight,
     /// Anything else.
     Free,
 }
 
 impl Excitation {
     /// Every one.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Multisine,
         Self::Square,
         Self::Triangle,
@@ -85,6 +87,7 @@ impl Excitation {
         Self::Staircase,
         Self::Chirp,
         Self::Steady,
+        Self::Flight,
         Self::Free,
     ];
 
@@ -105,6 +108,7 @@ impl Excitation {
             Self::Staircase => "staircase",
             Self::Chirp => "chirp",
             Self::Steady => "steady",
+            Self::Flight => "flight",
             Self::Free => "free",
         }
     }
@@ -156,6 +160,29 @@ pub struct Record {
     pub voltage_v: Option<Vec<f64>>,
     /// Supply current in amperes.
     pub current_a: Option<Vec<f64>>,
+    /// What the controller was asked for, of a flight.
+    pub setpoints: Setpoints,
+}
+
+/// What a controller in flight was asked for, by pilot, chirp or autopilot: it moves the motors, and what the motors do does not move it.
+/// Each has a value for every row, where it was logged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Setpoints {
+    /// Rate of roll, rad/s.
+    pub roll_rad_s: Option<Vec<f64>>,
+    /// Rate of pitch, rad/s.
+    pub pitch_rad_s: Option<Vec<f64>>,
+    /// Rate of yaw, rad/s.
+    pub yaw_rad_s: Option<Vec<f64>>,
+    /// Throttle, 0..1.
+    pub throttle: Option<Vec<f64>>,
+}
+
+impl Setpoints {
+    /// Those that there are.
+    pub fn columns(&self) -> impl Iterator<Item = &[f64]> {
+        [&self.roll_rad_s, &self.pitch_rad_s, &self.yaw_rad_s, &self.throttle].into_iter().filter_map(Option::as_deref)
+    }
 }
 
 impl Record {

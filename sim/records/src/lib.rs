@@ -33,7 +33,7 @@ mod tests;
 pub use clock::SLOWEST_ROWS_S;
 pub use command_log::CommandLog;
 pub use error::RecordError;
-pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL};
+pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL, Setpoints};
 pub use finding::{Finding, Severity, Topic};
 pub use fleet::{FLEET_LIST, FleetList, FleetLog};
 pub use inspect::{Inspection, Unreadable};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role};
+use super::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, Setpoints};
 use crate::files::{Fault, FileError, KeyPath, TextFile, TomlFile, is_plain_name};
 
 /// The file's name in the experiment's folder.
@@ -264,6 +264,7 @@ impl Entry {
             esc_command: None,
             voltage_v: None,
             current_a: None,
+            setpoints: Setpoints::default(),
         }
     }
 }

@@ -16,7 +16,7 @@ use super::{Record, plain};
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
 use crate::files::{FileError, KeyPath, TextFile, TomlFile, did_you_mean, shown};
 
-/// Bytes of the longest row: seven numbers with all the digits that anyone writes, quoted and with spaces.
+/// Bytes of the longest row: eleven numbers with all the digits that anyone writes, quoted and with spaces.
 const LONGEST_ROW: usize = 10_000;
 
 /// The columns of a CSV file, with the text to show errors in.
@@ -108,6 +108,10 @@ impl Table {
                 Column::EscCommand => record.esc_command = Some(values),
                 Column::VoltageV => record.voltage_v = Some(values),
                 Column::CurrentA => record.current_a = Some(values),
+                Column::SetpointRoll => record.setpoints.roll_rad_s = Some(values),
+                Column::SetpointPitch => record.setpoints.pitch_rad_s = Some(values),
+                Column::SetpointYaw => record.setpoints.yaw_rad_s = Some(values),
+                Column::SetpointThrottle => record.setpoints.throttle = Some(values),
             }
         }
     }

@@ -96,6 +96,7 @@ impl Log {
             esc_command: None,
             voltage_v: columns.contains(&Column::Voltage).then(|| still(voltage, 16.0)),
             current_a: None,
+            setpoints: rotorlead_records::Setpoints::default(),
         }
     }
 }

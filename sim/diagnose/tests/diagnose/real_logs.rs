@@ -153,6 +153,7 @@ fn diagnosed_dshot(name: &str, without: Option<f64>) -> Option<Diagnosis> {
         esc_command: None,
         voltage_v: Some(voltage_v),
         current_a: Some(current_a),
+        setpoints: rotorlead_records::Setpoints::default(),
     };
     let log = Experiment {
         name: "stand".to_owned(),

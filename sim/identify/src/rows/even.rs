@@ -73,8 +73,14 @@ impl EvenRows {
             Output::ThrustN => (Some(even), None),
             Output::Rpm => (None, Some(even)),
         };
-        let optional =
-            Record { command_log: None, esc_command: None, voltage_v: None, current_a: None, ..record.clone() };
+        let optional = Record {
+            command_log: None,
+            esc_command: None,
+            voltage_v: None,
+            current_a: None,
+            setpoints: rotorlead_records::Setpoints::default(),
+            ..record.clone()
+        };
         let record = Record { time_s, command, thrust_n, rpm, ..optional };
         Ok(Some(Self { record, log_rate_hz }))
     }

@@ -43,7 +43,7 @@ impl Judge<'_> {
             Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
                 self.around_nominal()?
             }
-            Excitation::Staircase | Excitation::Steady | Excitation::Free => self.over_range()?,
+            Excitation::Staircase | Excitation::Steady | Excitation::Flight | Excitation::Free => self.over_range()?,
         };
         Ok(RecordValidation {
             file: record.file.clone(),

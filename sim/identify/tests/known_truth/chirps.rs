@@ -54,6 +54,7 @@ fn chirp(sigma_n: f64, seed: u64) -> Experiment {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     };
     Experiment {
         name: "chirp".into(),

@@ -64,6 +64,7 @@ impl Motor {
             esc_command: None,
             voltage_v: None,
             current_a: None,
+            setpoints: rotorlead_records::Setpoints::default(),
         }
     }
 }

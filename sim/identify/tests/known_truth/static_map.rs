@@ -192,6 +192,7 @@ fn shell(time_s: Vec<f64>, command: Vec<f64>, thrust_n: Vec<f64>, excitation: Ex
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     }
 }
 

@@ -100,6 +100,7 @@ fn record(time_s: Vec<f64>, command: Vec<f64>, rpm: Vec<f64>) -> Record {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     }
 }
 

@@ -234,6 +234,7 @@ fn log(fault: Fault, seed: u64) -> Log {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     };
     Log { motor, record, steps }
 }

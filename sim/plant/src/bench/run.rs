@@ -325,6 +325,7 @@ impl Job<'_> {
             esc_command: self.compensator.map(|_| esc_command),
             voltage_v: (!voltage_v.is_empty()).then_some(voltage_v),
             current_a: (!current_a.is_empty()).then_some(current_a),
+            setpoints: rotorlead_records::Setpoints::default(),
         })
     }
 }

@@ -32,6 +32,7 @@ impl AcceptedRange {
             "nominal",
             "command",
             "esc_command",
+            "setpoint_throttle",
             "levels",
             "min",
             "max",
@@ -53,6 +54,13 @@ impl AcceptedRange {
     pub const VOLTAGE_V: Self = quantity(&["voltage_v"], -1e6, 1e6, "volts, or millivolts of a battery of 1000 V");
     /// The current from it.
     pub const CURRENT_A: Self = quantity(&["current_a"], -1e6, 1e6, "amperes, or milliamperes of a motor of 1000 A");
+    /// How fast a vehicle is to turn.
+    pub const RATE_RAD_S: Self = quantity(
+        &["setpoint_roll_rad_s", "setpoint_pitch_rad_s", "setpoint_yaw_rad_s"],
+        -1e4,
+        1e4,
+        "radians a second, or degrees a second of the fastest racer",
+    );
     /// How late a response is.
     pub const DELAY_S: Self =
         quantity(&["delay_s"], 0.0, 100.0, "seconds; a log that is later belongs to another command");
@@ -118,6 +126,7 @@ impl AcceptedRange {
         Self::RPM,
         Self::VOLTAGE_V,
         Self::CURRENT_A,
+        Self::RATE_RAD_S,
         quantity(&["gain", "response"], -1e8, 1e8, "newtons or revolutions per minute at full command"),
         quantity(
             &["time_constant_s", "time_constant_up_s", "time_constant_down_s", "low_s", "high_s"],

@@ -14,7 +14,7 @@ use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::experiment::{Excitation, Output};
+use crate::experiment::{Excitation, Output, Setpoints};
 
 /// Bit of `features` that says that motors turn both ways.
 const FEATURE_3D: i64 = 1 << 12;
@@ -108,6 +108,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         rpm: Some(rpm),
         voltage_v,
         current_a: None,
+        setpoints: Setpoints::default(),
         sample_rate_hz,
     })
 }

@@ -19,7 +19,7 @@ use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{HeldCommand, hold};
 use super::summary::{ColumnUse, DroppedRows};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::experiment::{Excitation, Output};
+use crate::experiment::{Excitation, Output, Setpoints};
 
 const CHIRP: &str = "ECRP";
 const OUTPUTS: &str = "RCOU";
@@ -409,6 +409,7 @@ fn taken(
         rpm: Some(rpm),
         voltage_v: None,
         current_a: None,
+        setpoints: Setpoints::default(),
         sample_rate_hz,
         output: Output::Rpm,
         usual,

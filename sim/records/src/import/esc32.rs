@@ -16,7 +16,7 @@ use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
 use super::table::{CellFormat, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, Timing};
-use crate::experiment::{Excitation, Output};
+use crate::experiment::{Excitation, Output, Setpoints};
 
 const TIME: &str = "Timestamp";
 const COMMAND: &str = "Duty";
@@ -123,6 +123,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
         rpm: Some(rpm),
         voltage_v,
         current_a,
+        setpoints: Setpoints::default(),
     })
 }
 

@@ -30,7 +30,7 @@ pub(super) fn refuse(
     kind: &str,
     others: &[(usize, Vec<f64>)],
 ) -> Result<(), ImportError> {
-    if options.excitation == Some(Excitation::Free) || options.without_command {
+    if matches!(options.excitation, Some(Excitation::Free | Excitation::Flight)) || options.without_command {
         return Ok(());
     }
     let (from_s, to_s) = options.seconds.unwrap_or((0.0, f64::INFINITY));
@@ -132,7 +132,8 @@ mod tests {
         let free = ImportOptions { excitation: Some(Excitation::Free), ..ImportOptions::default() };
         let apart = ImportOptions { without_command: true, ..ImportOptions::default() };
         assert!(refused(&time_s, &motor, other.clone(), &ImportOptions::default()));
-        for options in [bench, free, apart] {
+        let flight = ImportOptions { excitation: Some(Excitation::Flight), ..ImportOptions::default() };
+        for options in [bench, free, flight, apart] {
             assert!(!refused(&time_s, &motor, other.clone(), &options), "{options:?}");
         }
     }

@@ -43,7 +43,7 @@ pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
-use super::{CommandLog, Excitation, Experiment, Output, Record};
+use super::{CommandLog, Excitation, Experiment, Output, Record, Setpoints};
 use described::Described;
 use format::Reader;
 use plain_layout::PlainTable;
@@ -225,6 +225,7 @@ struct Taken {
     rpm: Option<Vec<f64>>,
     voltage_v: Option<Vec<f64>>,
     current_a: Option<Vec<f64>>,
+    setpoints: Setpoints,
     /// Rows per second where evenly spaced without a gap.
     sample_rate_hz: Option<f64>,
     /// Which of the two is the response.
@@ -269,6 +270,7 @@ impl Taken {
             esc_command: None,
             voltage_v: self.voltage_v,
             current_a: self.current_a,
+            setpoints: self.setpoints,
         };
         Ok(Import {
             experiment: Experiment {

@@ -19,7 +19,7 @@ use super::table::Table;
 use super::{
     DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, plain_speeds,
 };
-use crate::experiment::{Excitation, Output};
+use crate::experiment::{Excitation, Output, Setpoints};
 
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
@@ -182,6 +182,7 @@ pub(super) fn take_table(
         rpm,
         voltage_v,
         current_a,
+        setpoints: Setpoints::default(),
         sample_rate_hz: None,
     })
 }

@@ -14,7 +14,7 @@ use super::held::{HeldCommand, hold};
 use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
-use crate::experiment::{Excitation, Output};
+use crate::experiment::{Excitation, Output, Setpoints};
 
 /// Bends thrust to the ESC's signal.
 const THRUST_FACTOR: &str = "THR_MDL_FAC";
@@ -169,6 +169,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         rpm: Some(rpm),
         voltage_v,
         current_a,
+        setpoints: Setpoints::default(),
         sample_rate_hz,
     })
 }

@@ -67,5 +67,6 @@ fn record(time_s: Vec<f64>) -> Record {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: crate::Setpoints::default(),
     }
 }

@@ -83,6 +83,7 @@ fn any_record() -> impl Strategy<Value = Record> {
             esc_command,
             voltage_v,
             current_a,
+            setpoints: crate::Setpoints::default(),
         }
     })
 }

@@ -202,6 +202,7 @@ impl Bench {
             esc_command: None,
             voltage_v: None,
             current_a: None,
+            setpoints: rotorlead_records::Setpoints::default(),
         };
         let experiment = Experiment {
             name: String::from("coverage"),

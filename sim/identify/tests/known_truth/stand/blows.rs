@@ -68,6 +68,7 @@ fn experiment(blows: &[(Vec<f64>, Vec<f64>)]) -> Experiment {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     };
     Experiment {
         name: String::from("blows"),

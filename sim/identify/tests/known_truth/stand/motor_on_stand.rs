@@ -86,6 +86,7 @@ fn experiment() -> Experiment {
         esc_command: None,
         voltage_v: None,
         current_a: None,
+        setpoints: rotorlead_records::Setpoints::default(),
     };
     Experiment {
         name: String::from("motor on a stand"),
