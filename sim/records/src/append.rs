@@ -167,7 +167,7 @@ mod tests {
             esc_command: None,
             voltage_v: None,
             current_a: None,
-            setpoints: super::Setpoints::default(),
+            setpoints: crate::Setpoints::default(),
         };
         Experiment {
             name: "stand".into(),
