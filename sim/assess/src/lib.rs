@@ -88,6 +88,12 @@ pub fn assess(experiment: &Experiment, model: &Model, known: AssessmentContext) 
             "a stand was divided out, and no record is without it: what the lag leaves is known of the fit alone"
                 .to_owned(),
         ),
+        _ if model.is_from_flight() => claims.add(
+            Readiness::ReadyWithinLimits,
+            "identified in flight, where gusts answer for a part of every response: the interval is that of simulated flights, and no record \
+             is free of them"
+                .to_owned(),
+        ),
         // All of them are long.
         Ok(records) if records.is_empty() && known.long => {}
         Ok(records) => claims.add_residual(experiment, model, records, known.diagnosis),

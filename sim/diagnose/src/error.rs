@@ -12,7 +12,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum DiagnoseError {
     /// No record that can be compared.
-    #[error("{experiment}: no record can be compared")]
+    #[error("{experiment}: no record can be compared{}", reason.map(|reason| format!(": {reason}")).unwrap_or_default())]
     #[diagnostic(help(
         "record a multisine (`rotorlead excite` designs one), or hold each level of a staircase for at least a second, above the \
          command at which the motor starts"
@@ -20,6 +20,8 @@ pub enum DiagnoseError {
     NothingToCompare {
         /// The experiment's name.
         experiment: String,
+        /// Why the first of them cannot; `None` where there is none.
+        reason: Option<&'static str>,
     },
     /// A nominal command has no record that may be fitted.
     #[error("nominal command {nominal}: every record has role = \"validate\"")]

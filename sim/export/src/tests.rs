@@ -28,6 +28,7 @@ fn model(output: Output, static_map: Option<StaticMap>) -> Model {
             records: Vec::new(),
             version: String::new(),
             output,
+            excitation: None,
             command_rate_hz: None,
             esc_frame_hz: None,
             judgement: None,

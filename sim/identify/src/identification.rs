@@ -5,6 +5,7 @@ use rotorlead_plant::{Model, Provenance};
 use rotorlead_records::{Excitation, Experiment, Finding, Record, Role, Severity, Topic};
 
 use crate::error::IdentifyError;
+use crate::flight::{FlightIdentification, identify_flights, is_flight_to_fit};
 use crate::lag::chirp::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
 use crate::lag::first_order::FirstOrderOptions;
 use crate::lag::multisine::{IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic};
@@ -40,6 +41,8 @@ pub enum Lags {
     Chirps(ChirpIdentification),
     /// From a step or staircase record in the time domain, one per level and direction.
     Steps(Box<StaircaseFit>),
+    /// From flights, in closed loop.
+    Flights(FlightIdentification),
     /// None: the records are tables of steady points, which show a static map alone.
     None,
 }
@@ -51,7 +54,7 @@ impl Lags {
         match self {
             Self::Multisines(found) => Some(found),
             Self::Chirps(found) => Some(&found.lags),
-            Self::Steps(_) | Self::None => None,
+            Self::Steps(_) | Self::Flights(_) | Self::None => None,
         }
     }
 
@@ -60,7 +63,7 @@ impl Lags {
     pub fn chirps(&self) -> Option<&ChirpIdentification> {
         match self {
             Self::Chirps(found) => Some(found),
-            Self::Multisines(_) | Self::Steps(_) | Self::None => None,
+            Self::Multisines(_) | Self::Steps(_) | Self::Flights(_) | Self::None => None,
         }
     }
 
@@ -69,7 +72,16 @@ impl Lags {
     pub fn in_time(&self) -> Option<&StaircaseFit> {
         match self {
             Self::Steps(fit) => Some(fit.as_ref()),
-            Self::Multisines(_) | Self::Chirps(_) | Self::None => None,
+            Self::Multisines(_) | Self::Chirps(_) | Self::Flights(_) | Self::None => None,
+        }
+    }
+
+    /// What flights show; `None` for the others.
+    #[must_use]
+    pub fn in_flight(&self) -> Option<&FlightIdentification> {
+        match self {
+            Self::Flights(found) => Some(found),
+            Self::Multisines(_) | Self::Chirps(_) | Self::Steps(_) | Self::None => None,
         }
     }
 }
@@ -92,7 +104,7 @@ pub struct Identification {
 /// With a multisine among them, each nominal command gets the lag `gain e^(-s delay) / (tau s + 1)` that fits its frequency
 /// response best (maximum likelihood, weighted by the noise that the periods show), and square waves judge it. Without,
 /// the one step or staircase record is fitted in time, one lag per level and direction; without those too, chirps are
-/// fitted in the frequency domain. A static map is fitted to all levels on which the motor runs steadily; tables of steady points
+/// fitted in the frequency domain, and without those flights in closed loop. A static map is fitted to all levels on which the motor runs steadily; tables of steady points
 /// give that alone.
 ///
 /// # Errors
@@ -134,6 +146,8 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
         from_chirps(experiment, options, &fit)?
     } else if !has_steps && records().any(|record| may_fit(record) && record.excitation == Excitation::Steady) {
         from_steady_points(experiment)
+    } else if !has_steps && experiment.records.iter().any(is_flight_to_fit) {
+        from_flights(experiment)?
     } else {
         from_steps(experiment, options)?
     };
@@ -199,6 +213,29 @@ fn from_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Iden
     })
 }
 
+fn from_flights(experiment: &Experiment) -> Result<Identification, IdentifyError> {
+    let found = identify_flights(experiment)?;
+    let model = Model {
+        format: 1,
+        points: found.points.clone(),
+        static_map: None,
+        time_constant_curve: found.curve.clone(),
+        effects: Vec::new(),
+        provenance: Some(Provenance {
+            experiment: None,
+            records_crc32: None,
+            records: found.motors.iter().map(|motor| motor.file.clone()).collect(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            output: experiment.output,
+            excitation: Some(Excitation::Flight),
+            command_rate_hz: experiment.command_rate_hz,
+            esc_frame_hz: experiment.esc_frame_hz,
+            judgement: None,
+        }),
+    };
+    Ok(Identification { model, lags: Lags::Flights(found), static_map: None, warnings: Vec::new() })
+}
+
 /// Nothing of a lag; the static map is added to it.
 fn from_steady_points(experiment: &Experiment) -> Identification {
     let used = experiment.records.iter().filter(|record| may_fit(record) && record.excitation == Excitation::Steady);
@@ -214,6 +251,7 @@ fn from_steady_points(experiment: &Experiment) -> Identification {
             records: used.map(|record| record.file.clone()).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             output: experiment.output,
+            excitation: None,
             command_rate_hz: None,
             esc_frame_hz: None,
             judgement: None,
@@ -227,7 +265,7 @@ impl Identification {
     fn add_static_map(&mut self, experiment: &Experiment) -> Result<(), StaticMapError> {
         let lag_s = median(self.model.points.iter().map(|point| point.time_constant_s + point.delay_s));
         let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
-        for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
+        for record in experiment.records.iter().filter(|record| shows_levels(record)) {
             // Most records are no staircase, and that is no fault of theirs.
             if let Ok(found) = SteadyPoints::from_record(record, experiment.output, lag_s) {
                 points.join(found);
@@ -264,12 +302,18 @@ impl PeriodicIdentification {
                 records: self.fitted_files().map(str::to_owned).collect(),
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 output: experiment.output,
+                excitation: None,
                 command_rate_hz: experiment.command_rate_hz,
                 esc_frame_hz: experiment.esc_frame_hz,
                 judgement: None,
             }),
         }
     }
+}
+
+/// Whether its plateaus are steady points of the motor. In flight the vehicle's own wind is in each.
+fn shows_levels(record: &Record) -> bool {
+    may_fit(record) && !record.compensated && record.excitation != Excitation::Flight
 }
 
 fn may_fit(record: &Record) -> bool {

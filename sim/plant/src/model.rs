@@ -163,6 +163,9 @@ pub struct Provenance {
     pub version: String,
     /// `thrust_n` or `rpm`.
     pub output: rotorlead_records::Output,
+    /// `flight` for motors that were identified in the air, by the command of their vehicle's controller; `None` for a stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excitation: Option<rotorlead_records::Excitation>,
     /// Rate at which the command was updated, hertz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command_rate_hz: Option<f64>,
@@ -179,6 +182,12 @@ impl Model {
     #[must_use]
     pub fn judgement(&self) -> Option<&Judgement> {
         self.provenance.as_ref()?.judgement.as_ref()
+    }
+
+    /// Whether its motors were identified in flight.
+    #[must_use]
+    pub fn is_from_flight(&self) -> bool {
+        self.provenance.as_ref().is_some_and(|from| from.excitation == Some(rotorlead_records::Excitation::Flight))
     }
 
     /// By which a compensator names the model that it was designed for: [`checksum`] of all that the file says of the actuator, as

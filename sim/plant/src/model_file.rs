@@ -300,6 +300,7 @@ command_rate_hz = 5000
                     records: vec![version.clone()],
                     version,
                     output: Output::Rpm,
+                    excitation: None,
                     command_rate_hz: None,
                     esc_frame_hz: Some(600.0), judgement: None
                 }),

@@ -149,6 +149,11 @@ impl Dataset {
                 left_out.push(LeftOut { file: source.file.clone(), reason });
                 continue;
             }
+            if source.excitation == Excitation::Flight {
+                let reason = "in flight the command answers the response: effects of the ESC are looked for on a stand";
+                left_out.push(LeftOut { file: source.file.clone(), reason });
+                continue;
+            }
             let prepared =
                 if source.excitation.is_periodic() { None } else { prepare(source, experiment.output, has_free_map)? };
             if source.excitation.is_periodic() || prepared.is_some() {
@@ -182,7 +187,9 @@ impl Dataset {
             records.push(record);
         }
         if records.is_empty() {
-            return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone() });
+            // One of each: the motors of a vehicle are left out for the same reason.
+            let reason = left_out.first().map(|left_out| left_out.reason);
+            return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone(), reason });
         }
         Ok(Self {
             nominals,

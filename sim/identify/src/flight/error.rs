@@ -27,4 +27,34 @@ pub enum FlightError {
         /// The record.
         file: String,
     },
+    /// The command moved too little, or gusts too much.
+    #[error(
+        "{experiment}: this flight says the time constant to {known_percent:.0} % only (one standard error), and {largest_percent:.0} % are \
+         needed: the command moved too little above what gusts do to the speed"
+    )]
+    #[diagnostic(help("fly with more stick, or with a chirp of the rates, for a minute, on a calm day"))]
+    TooLittleMotion {
+        /// The experiment.
+        experiment: String,
+        /// Relative standard error, percent.
+        known_percent: f64,
+        /// That from which on it is refused, percent.
+        largest_percent: f64,
+    },
+    /// What moves command and noise alike has moved the estimate.
+    #[error(
+        "{experiment}: by what {instruments} move alone the time constant is {difference_percent:+.0} % of the fit, {standard_errors:.1} standard \
+         errors away: gusts move command and speed alike in this flight"
+    )]
+    #[diagnostic(help("fly with more stick, or with a chirp of the rates, for a minute, on a calm day"))]
+    Biased {
+        /// The experiment.
+        experiment: String,
+        /// What served as instruments.
+        instruments: &'static str,
+        /// Difference of the two estimates, percent.
+        difference_percent: f64,
+        /// The same in standard errors.
+        standard_errors: f64,
+    },
 }

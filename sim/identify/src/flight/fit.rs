@@ -205,6 +205,18 @@ impl MotorFit {
         if chosen == order { Some(second) } else { again(&second, chosen) }
     }
 
+    /// Logarithms of the time constant at the center, of the even and of the odd parts of the flight.
+    pub(super) fn halves(&self, series: &Series) -> Option<[f64; 2]> {
+        let rpm = series.rpm();
+        let half = |half: usize| {
+            let runs = noise::parts(&self.runs, half);
+            let fit =
+                search(series, &rpm, &runs, self.noise.len(), &self.shape, &self.coefficients, Some(self.error_rpm))?;
+            Some(fit.shape.level)
+        };
+        Some([half(0)?, half(1)?])
+    }
+
     /// Speed less what the lag makes of it, rpm.
     pub(super) fn residual(&self, series: &Series, rpm: &[f64]) -> Vec<f64> {
         let predicted = combined(&basis(series, &series.input, &self.shape), &self.coefficients);

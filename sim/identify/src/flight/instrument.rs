@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_numerics::sample::moving_mean;
 use rotorlead_records::Record;
+use serde::Serialize;
 
 use super::fit::MotorFit;
 use super::noise;
@@ -26,7 +27,7 @@ const OWN_DELAY: usize = 15;
 const SLOW: usize = 125;
 
 /// An estimate by instruments beside that of the fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct InstrumentalEstimate {
     /// What served.
     pub instruments: &'static str,

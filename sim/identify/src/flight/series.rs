@@ -37,7 +37,7 @@ pub(super) const SHORTEST_RUN: usize = 60;
 const LEAST_SPREAD: f64 = 0.02;
 /// Ranges of the command, relative to the center, from which on the static map is a parabola and a cubic. Chosen: over less, a bend is not
 /// told from the noise.
-const BENDS: [f64; 2] = [0.1, 0.4];
+pub(super) const BENDS: [f64; 2] = [0.1, 0.4];
 
 /// Rows averaged to one sample.
 #[derive(Clone, Debug)]

@@ -3,6 +3,7 @@
 mod alignment;
 mod chirps;
 mod coverage;
+mod flight_records;
 mod flights;
 mod frequency_response;
 mod holds;

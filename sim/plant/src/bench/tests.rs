@@ -281,6 +281,7 @@ fn what_does_not_go_together_is_refused() {
         records: Vec::new(),
         version: String::new(),
         output: Output::Rpm,
+        excitation: None,
         command_rate_hz: None,
         esc_frame_hz: None,
         judgement: None,

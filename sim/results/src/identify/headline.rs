@@ -10,7 +10,7 @@ use rotorlead_plant::{Judgement, Point};
 pub fn headline(identified: &Identification, judgement: &Judgement) -> String {
     let lag = match &identified.lags {
         Lags::Steps(fit) => steps_headline(fit),
-        Lags::Multisines(_) | Lags::Chirps(_) => points_headline(&identified.model.points),
+        Lags::Multisines(_) | Lags::Chirps(_) | Lags::Flights(_) => points_headline(&identified.model.points),
         Lags::None => {
             let points = identified.static_map.as_ref().map_or(0, |(_, fit)| fit.points);
             format!("static map of {points} steady points, no lag")

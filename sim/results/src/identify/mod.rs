@@ -1,6 +1,7 @@
 //! What identification finds.
 
 mod chirp;
+mod flight;
 mod headline;
 mod intervals;
 mod map;
@@ -100,6 +101,7 @@ impl IdentifyResult {
         let Assessment { judgement, recommendation, .. } = &self.assessment;
         let mut detail: Vec<Table> = Vec::new();
         detail.extend(identified.lags.in_time().map(tables::steps));
+        detail.extend(identified.lags.in_flight().map(flight::motors_table));
         detail.extend(identified.lags.in_frequency().and_then(distortion_table).map(Table::in_detail));
         detail.extend(identified.static_map.iter().flat_map(|(_, fit)| map::tables(fit, output)));
         if matches!(identified.lags, Lags::None) {
@@ -148,6 +150,7 @@ impl IdentifyResult {
             "distortion": in_frequency.filter(|_| chirps.is_none()).map(distortion),
             "intervals": in_frequency.map(intervals),
             "frequency_responses": responses,
+            "motors": identified.lags.in_flight().map(|found| &found.motors),
             "alignment": null,
             "static_map": identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
         }))
@@ -164,6 +167,7 @@ fn figures(identified: &Identification, experiment: &Experiment) -> Vec<Figure> 
         figures.extend(record.and_then(|record| steps(fit, record)));
         figures.extend(time_constant_curve(fit));
     }
+    figures.extend(identified.lags.in_flight().and_then(|_| flight::time_constants(&identified.model)));
     figures.extend(identified.static_map.as_ref().map(|(points, fit)| static_map(points, fit, output)));
     figures
 }

@@ -31,6 +31,7 @@ pub(super) fn lags(identified: &Identification, experiment: &Experiment) -> Vec<
         Lags::Chirps(found) => {
             vec![Table { notes: [vec![STANDARD_ERRORS.to_owned()], fitted_chirps(found)].concat(), ..points }]
         }
+        Lags::Flights(found) => vec![Table { notes: vec![super::flight::basis_of_errors(found)], ..points }],
         Lags::None => vec![Table { weight: Audience::Programs, ..points }],
     }
 }

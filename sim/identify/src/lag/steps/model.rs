@@ -33,6 +33,7 @@ impl StaircaseFit {
                 records: vec![self.record.clone()],
                 version: version.into(),
                 output: self.output,
+                excitation: None,
                 command_rate_hz: None,
                 esc_frame_hz: None,
                 judgement: None,
