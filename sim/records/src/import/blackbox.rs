@@ -22,6 +22,15 @@ const FEATURE_3D: i64 = 1 << 12;
 const MOST_MOTORS: usize = 8;
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
+/// Throttle in a unit of `setpoint[3]`. Standard: the mixer's throttle times 1000 (Betaflight, `blackbox.c`).
+const THROTTLE: f64 = 0.001;
+/// Place of the first setpoint among the columns that are read.
+const SETPOINTS_FROM: usize = 3;
+/// Columns that are read: command, speed, voltage and four setpoints.
+const COLUMNS: usize = SETPOINTS_FROM + SETPOINT_COLUMNS.len();
+/// What the setpoints become.
+const SETPOINT_COLUMNS: [&str; 4] =
+    ["setpoint_roll_rad_s", "setpoint_pitch_rad_s", "setpoint_yaw_rad_s", "setpoint_throttle"];
 
 fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> Result<Taken, ImportError> {
     let mut notes = Vec::new();
@@ -50,7 +59,10 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         false => (options.pulse_range(), true),
     };
 
-    let frames = log.rows([Some(command), Some(speed), log.field("vbatLatest")]);
+    let setpoint = |axis: usize| log.field(&format!("setpoint[{axis}]"));
+    let setpoint_fields = [setpoint(0), setpoint(1), setpoint(2), setpoint(3)];
+    let [roll, pitch, yaw, throttle] = setpoint_fields;
+    let frames = log.rows([Some(command), Some(speed), log.field("vbatLatest"), roll, pitch, yaw, throttle]);
     let taken = usable(&frames, pulse_widths);
     let rows = taken.rows;
     if frames.lost > frames.rows.len() {
@@ -59,6 +71,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     if rows.len() < MIN_ROWS {
         return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
     }
+    let is_flight = options.excitation == Some(Excitation::Flight);
     let column = |k: usize| rows.iter().map(|&row| f64::from(frames.rows[row].1[k])).collect::<Vec<_>>();
     let drive = normalized(file, &command_name, &rows, column(0), range)?;
     refuse_flight(file, options, &log, (motor, command, range), frames.rows[rows[0]].0)?;
@@ -72,6 +85,17 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     let voltage = column(2);
     let voltage_v = (log.field("vbatLatest").is_some() && voltage.iter().any(|&v| v != 0.0))
         .then(|| voltage.into_iter().map(|v| v * VOLTS).collect());
+    let asked = |place: usize, unit: f64| {
+        let is_there = is_flight && setpoint_fields[place].is_some();
+        is_there.then(|| column(SETPOINTS_FROM + place).into_iter().map(|value| value * unit / scale(&log)).collect())
+    };
+    let rate = 1.0_f64.to_radians();
+    let setpoints = Setpoints {
+        roll_rad_s: asked(0, rate),
+        pitch_rad_s: asked(1, rate),
+        yaw_rad_s: asked(2, rate),
+        throttle: asked(3, THROTTLE),
+    };
     notes.extend(what_is_lost(&frames));
 
     let use_of = |name: &&str| {
@@ -82,6 +106,11 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
             "vbatLatest" if voltage_v.is_some() => (Some("voltage_v"), format!("times {VOLTS}")),
             "vbatLatest" => (None, String::from("zero throughout")),
             "amperageLatest" => (None, String::from("the current of all motors")),
+            "setpoint[0]" | "setpoint[1]" | "setpoint[2]" if is_flight => (
+                Some(SETPOINT_COLUMNS[usize::from(name.as_bytes()[9] - b'0')]),
+                String::from("degrees to radians a second"),
+            ),
+            "setpoint[3]" if is_flight => (Some(SETPOINT_COLUMNS[3]), format!("times {THROTTLE}")),
             name if name.starts_with("motor[") || name.starts_with("eRPM[") => (None, String::from("another motor")),
             _ => (None, String::from("no part of an experiment")),
         };
@@ -108,8 +137,9 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         rpm: Some(rpm),
         voltage_v,
         current_a: None,
-        setpoints: Setpoints::default(),
+        setpoints,
         sample_rate_hz,
+        loop_rate_hz: loop_rate_hz(&log),
     })
 }
 
@@ -145,6 +175,17 @@ fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<
         notes.push(format!("{} logs are in the file: taken is number {}, the longest", logs.len(), place + 1));
     }
     Ok(place)
+}
+
+/// By what setpoints are written larger: ten in a log of high resolution.
+fn scale(log: &BlackboxLog<'_>) -> f64 {
+    if log.header("blackbox_high_resolution") == Some("1") { 10.0 } else { 1.0 }
+}
+
+/// Rate at which the controller sets the motors, hertz: that of its loop, `looptime` in microseconds by `pid_process_denom`.
+fn loop_rate_hz(log: &BlackboxLog<'_>) -> Option<f64> {
+    let number = |header: &str| log.header(header)?.parse::<f64>().ok().filter(|number| *number >= 1.0);
+    Some(1e6 / (number("looptime")? * number("pid_process_denom")?))
 }
 
 /// Others write the same container with other units.
@@ -204,10 +245,10 @@ struct Usable {
 }
 
 /// Leaves out rows in which the motor has no command, and what can only be damage.
-fn usable(frames: &Rows<3>, pulse_widths: bool) -> Usable {
+fn usable(frames: &Rows<COLUMNS>, pulse_widths: bool) -> Usable {
     let (mut stopped, mut wrong) = (0, 0);
     let mut rows = Vec::new();
-    for (row, (_, [command, erpm, _])) in frames.rows.iter().enumerate() {
+    for (row, (_, [command, erpm, ..])) in frames.rows.iter().enumerate() {
         if *erpm < 0 || !pulse_widths && !(0..=2047).contains(command) {
             wrong += 1;
         } else if !pulse_widths && *command < 48 {
@@ -223,7 +264,7 @@ fn usable(frames: &Rows<3>, pulse_widths: bool) -> Usable {
 }
 
 /// What the record has gaps for, in words.
-fn what_is_lost(frames: &Rows<3>) -> Vec<String> {
+fn what_is_lost(frames: &Rows<COLUMNS>) -> Vec<String> {
     let mut notes = Vec::new();
     if frames.damaged + frames.lost > 0 {
         notes.push(format!(

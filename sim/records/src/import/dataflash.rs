@@ -410,6 +410,7 @@ fn taken(
         voltage_v: None,
         current_a: None,
         setpoints: Setpoints::default(),
+        loop_rate_hz: None,
         sample_rate_hz,
         output: Output::Rpm,
         usual,

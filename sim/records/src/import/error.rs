@@ -206,9 +206,8 @@ pub enum ImportError {
         file.display()
     )]
     #[diagnostic(help(
-        "a controller answers what the motors do, so that a lag of such a record is that of its loop: run one motor at a time on a \
-         bench, by the motor test of the configurator or the actuator chirp applet; --seconds takes the part of a log that is such a \
-         run, and `--excitation free` takes the log as a record that no lag is fitted to"
+        "a controller answers what the motors do, so that a lag of a bench is not to be fitted: `--excitation flight` takes all motors as they \
+         flew, whose lag is estimated in closed loop; --seconds takes a part of the log that is a run of one motor on a bench"
     ))]
     Flight {
         /// The log.

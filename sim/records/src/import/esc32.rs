@@ -124,6 +124,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
         voltage_v,
         current_a,
         setpoints: Setpoints::default(),
+        loop_rate_hz: None,
     })
 }
 

@@ -91,7 +91,7 @@ impl ImportOptions {
 /// A log, taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
-    /// One record, response in revolutions per minute unless the log has thrust.
+    /// One record, or one for each motor of a flight; response in revolutions per minute unless the log has thrust.
     pub experiment: Experiment,
     /// What was done to get it.
     pub summary: ImportSummary,
@@ -143,6 +143,14 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
+    let is_flight = options.excitation == Some(Excitation::Flight);
+    if is_flight && options.motor.is_none() {
+        let options = ImportOptions { motor: Some(1), ..options.clone() };
+        let taken = take(file, bytes, &options)?;
+        if taken.summary.format.has_motors {
+            return take_vehicle(file, bytes, &options, taken);
+        }
+    }
     let taken = take(file, bytes, options)?;
     let may_be_another = taken.summary.format.has_motors && options.motor.is_none();
     match taken.into_import(file, options) {
@@ -151,6 +159,25 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         }
         imported => imported,
     }
+}
+
+/// Takes all motors of a flight, the first of which was `taken`: a record of each.
+fn take_vehicle(file: &Path, bytes: &[u8], options: &ImportOptions, taken: Taken) -> Result<Import, ImportError> {
+    let mut import = taken.into_import(file, options)?;
+    for motor in 2..=MOST_MOTORS {
+        let options = ImportOptions { motor: Some(motor), ..options.clone() };
+        match take(file, bytes, &options) {
+            Ok(taken) => import.experiment.records.extend(taken.into_import(file, &options)?.experiment.records),
+            Err(ImportError::MissingTopic { .. }) => break,
+            Err(error) => return Err(error),
+        }
+    }
+    let motors = import.experiment.records.len();
+    import
+        .summary
+        .notes
+        .push(format!("{motors} motors are taken, a record of each: the rows and columns here are those of motor 1"));
+    Ok(import)
 }
 
 /// Takes the motor that moves where the first one, which was not asked for, stands still; the error `still` where none does.
@@ -228,6 +255,8 @@ struct Taken {
     setpoints: Setpoints,
     /// Rows per second where evenly spaced without a gap.
     sample_rate_hz: Option<f64>,
+    /// Rate of the controller that set the command, hertz, where the log says it.
+    loop_rate_hz: Option<f64>,
     /// Which of the two is the response.
     output: Output,
     /// What drives logs of this kind, unless stated.
@@ -278,7 +307,8 @@ impl Taken {
                 output: self.output,
                 sample_rate_hz: self.sample_rate_hz,
                 esc_frame_hz: None,
-                command_rate_hz: None,
+                // On a bench the command is seldom the loop's.
+                command_rate_hz: self.loop_rate_hz.filter(|_| excitation == Excitation::Flight),
                 records: vec![record],
             },
             summary: self.summary,
@@ -338,10 +368,12 @@ impl Taken {
     }
 }
 
-/// What a record is called: as its log, and from which second on where that is stated.
+/// What a record is called: as its log, from which second on where that is stated, and the motor of a flight.
 fn record_file(stem: &str, options: &ImportOptions) -> String {
     let part = options.seconds.map(|(from_s, _)| format!("_{from_s}s")).unwrap_or_default();
+    let is_flight = options.excitation == Some(Excitation::Flight);
+    let motor = options.motor.filter(|_| is_flight).map(|motor| format!("_motor{motor}")).unwrap_or_default();
     // What not every system allows in a name.
     let stem: String = stem.chars().map(|c| if ['\\', ':', '/'].contains(&c) { '_' } else { c }).collect();
-    format!("{stem}{part}.csv")
+    format!("{stem}{part}{motor}.csv")
 }

@@ -183,6 +183,7 @@ pub(super) fn take_table(
         voltage_v,
         current_a,
         setpoints: Setpoints::default(),
+        loop_rate_hz: None,
         sample_rate_hz: None,
     })
 }

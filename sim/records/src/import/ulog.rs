@@ -170,6 +170,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         voltage_v,
         current_a,
         setpoints: Setpoints::default(),
+        loop_rate_hz: None,
         sample_rate_hz,
     })
 }
