@@ -20,8 +20,8 @@ struct Outcome {
     levels: Result<Vec<(f64, f64)>, String>,
     /// Error of the dead time, ms, and its standard error.
     delay_ms: (f64, f64),
-    halves: f64,
-    noise: f64,
+    /// Errors of the same for each motor at the median of the command.
+    motors: Vec<f64>,
     seconds: f64,
 }
 
@@ -36,8 +36,7 @@ fn outcome(seed: u64) -> Outcome {
         style,
         levels: Err(String::new()),
         delay_ms: (f64::NAN, f64::NAN),
-        halves: f64::NAN,
-        noise: f64::NAN,
+        motors: Vec::new(),
         seconds: 0.0,
     };
     match found {
@@ -49,11 +48,12 @@ fn outcome(seed: u64) -> Outcome {
             let point = &found.points[0];
             let ms = |seconds: f64| 1e3 * seconds;
             outcome.delay_ms = (ms(point.delay_s - flight.vehicle.dead_time_s), ms(point.delay_s_std.unwrap()));
-            let count = found.motors.len() as f64;
-            let halves = found.motors.iter().map(|motor| motor.halves_difference.powi(2)).sum::<f64>();
-            outcome.halves = (halves / (4.0 * count)).sqrt();
-            let noise = found.motors.iter().map(|motor| (motor.time_constant_s_std / motor.time_constant_s).powi(2));
-            outcome.noise = (noise.sum::<f64>() / count).sqrt();
+            let center = &found.points[found.points.len() / 2];
+            let of_motor = |motor: usize| {
+                let truth = flight.vehicle.time_constant_s(motor, center.nominal, flight.mean_voltage_v);
+                (center.time_constant_s / truth).ln()
+            };
+            outcome.motors = (0..4).map(of_motor).collect();
             outcome.levels = Ok(found.points.iter().map(error).collect());
         }
         Err(error) => outcome.levels = Err(error.to_string()),
@@ -72,7 +72,7 @@ fn main() {
         .into_par_iter()
         .map(|seed| {
             let outcome = outcome(seed);
-            let Outcome { style, delay_ms, halves, noise, seconds, .. } = &outcome;
+            let Outcome { style, delay_ms, seconds, .. } = &outcome;
             match &outcome.levels {
                 Ok(levels) => {
                     let levels: Vec<String> = levels
@@ -80,12 +80,10 @@ fn main() {
                         .map(|(off, std)| format!("{:+.1} +- {:.1} %", 100.0 * off, 100.0 * std))
                         .collect();
                     println!(
-                        "{seed} {style}: {}; delay {:+.2} +- {:.2} ms; noise {:.2} %, halves {:.2} %; {seconds:.0} s",
+                        "{seed} {style}: {}; delay {:+.2} +- {:.2} ms; {seconds:.0} s",
                         levels.join(", "),
                         delay_ms.0,
                         delay_ms.1,
-                        100.0 * noise,
-                        100.0 * halves
                     );
                 }
                 Err(error) => println!("{seed} {style}: {error}"),
@@ -122,6 +120,13 @@ fn main() {
         }
         let delays: Vec<(f64, f64)> = known.iter().map(|outcome| outcome.delay_ms).collect();
         let inside = delays.iter().filter(|(off, std)| off.abs() <= 1.96 * std).count();
+        let motors = known.iter().flat_map(|outcome| {
+            let levels = outcome.levels.as_deref().unwrap_or_default();
+            let std = levels[levels.len() / 2].1;
+            outcome.motors.iter().map(move |off| off.abs() <= 1.96 * std)
+        });
+        let inside = motors.filter(|inside| *inside).count();
+        println!("  each motor, level 1: {inside} of {} inside 95 %", 4 * known.len());
         println!("  dead time: {inside} of {} inside 95 %", delays.len());
     }
     let seeds: Vec<u64> =

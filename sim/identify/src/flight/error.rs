@@ -20,6 +20,21 @@ pub enum FlightError {
         /// What is needed, s.
         needed_s: f64,
     },
+    /// The command between two rows is not known.
+    #[error(
+        "{file}: rows of this flight are {interval_ms:.1} ms apart, and {longest_ms:.1} ms are the most: a controller moves its command in between"
+    )]
+    #[diagnostic(help(
+        "log faster: in Betaflight `set blackbox_sample_rate = 1/4`; logs of ArduPilot and PX4 have the speed of an ESC too seldom"
+    ))]
+    TooSlow {
+        /// The record.
+        file: String,
+        /// Interval of its rows, ms.
+        interval_ms: f64,
+        /// The longest that is taken, ms.
+        longest_ms: f64,
+    },
     /// The search for the parameters did not end.
     #[error("{file}: no first-order lag explains how the speed follows the command")]
     #[diagnostic(help("check that command and speed are of the same motor, and that the motor has a propeller on"))]

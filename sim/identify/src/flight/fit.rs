@@ -200,9 +200,10 @@ impl MotorFit {
         let again = |from: &Self, order: usize| {
             search(series, &rpm, &series.runs, order, &from.shape, &from.coefficients, Some(from.error_rpm))
         };
-        let second = again(&first, order)?;
+        // A search of many orders may end nowhere; what the last one found stands then.
+        let Some(second) = again(&first, order) else { return Some(first) };
         let chosen = noise::held_out_order(&second.residual(series, &rpm), &series.runs);
-        if chosen == order { Some(second) } else { again(&second, chosen) }
+        if chosen == order { Some(second) } else { again(&second, chosen).or(Some(second)) }
     }
 
     /// Logarithms of the time constant at the center, of the even and of the odd parts of the flight.

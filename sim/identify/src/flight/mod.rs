@@ -22,6 +22,7 @@ mod noise;
 mod response;
 mod series;
 mod telemetry;
+mod thin;
 mod vehicle;
 
 pub use instrument::InstrumentalEstimate;
@@ -41,7 +42,7 @@ use series::BENDS;
 /// What the model's structure costs the logarithm of a time constant. Tuned: on 60 simulated flights (`examples/flights.rs`, seeds 1000 to
 /// 1059) the errors of the fit have the size of this; gusts, the inflow and a telemetry that rounds are not the autoregression that the fit
 /// takes them for.
-const STRUCTURE: Structure = Structure { noise: 4.0, least: 0.01, slope: 0.05 };
+const STRUCTURE: Structure = Structure { noise: 3.0, least: 0.01, slope: 0.08 };
 /// Relative standard error of a time constant above which a flight is refused. Chosen: that of the judgement for a lag that is known well
 /// enough.
 pub const LARGEST_STD: f64 = 0.1;
@@ -81,6 +82,8 @@ pub(crate) fn is_flight_to_fit(record: &Record) -> bool {
 /// [`IdentifyError::NoResponse`] without the experiment's output, and [`FlightError`] where little of the flight can be used, the search finds
 /// no lag, the command moved too little, or what moves command and noise alike has moved the estimate.
 pub fn identify_flights(experiment: &Experiment) -> Result<FlightIdentification, IdentifyError> {
+    let thinned = thin::thinned(experiment);
+    let experiment = thinned.as_ref().unwrap_or(experiment);
     let records: Vec<&Record> = experiment.records.iter().filter(|record| is_flight_to_fit(record)).collect();
     let motors: Vec<Motor> =
         records.par_iter().map(|record| Motor::fit(experiment, record)).collect::<Result<_, IdentifyError>>()?;

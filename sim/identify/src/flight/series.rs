@@ -16,7 +16,10 @@ use super::{telemetry, vehicle};
 pub(super) const SAMPLE_RATE_HZ: f64 = 250.0;
 /// An interval of more usual ones than this is a gap, behind which the motor's state is not known. Chosen: as for chirps
 /// (`rows::even`), between the longest wait of a logger and the shortest loss.
-const GAP_INTERVALS: f64 = 5.0;
+pub(super) const GAP_INTERVALS: f64 = 5.0;
+/// Rows further apart than this say too little of what the controller commanded between them. Chosen: a rate loop moves its command up to some
+/// 100 Hz, and simulated flights were looked at down to 500 rows a second.
+const LONGEST_INTERVAL_S: f64 = 0.0025;
 /// Time that is left out behind a gap, an idle command or a saturated one, s. Chosen: three time constants of a usual motor of 40 ms, after
 /// which 5 % is left of what was not known, and the noise model takes the rest.
 const SETTLE_S: f64 = 0.12;
@@ -79,6 +82,10 @@ impl Series {
         let refuse = |error: FlightError| Err(IdentifyError::from(error));
         let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let step_s = median(intervals.iter().copied()).unwrap_or(0.0);
+        if step_s > LONGEST_INTERVAL_S {
+            let (file, interval_ms) = (record.file.clone(), 1e3 * step_s);
+            return refuse(FlightError::TooSlow { file, interval_ms, longest_ms: 1e3 * LONGEST_INTERVAL_S });
+        }
         let starts: Vec<usize> = std::iter::once(0)
             .chain((1..time_s.len()).filter(|&row| intervals[row - 1] > GAP_INTERVALS * step_s))
             .collect();

@@ -13,7 +13,7 @@ pub(super) fn basis_of_errors(found: &FlightIdentification) -> String {
         count => format!("of {count} motors, and what they differ by"),
     };
     format!(
-        "Prediction-error fit in closed loop {motors}. +- is one standard error: four times that of the noise, which is what gusts and telemetry cost \
+        "Prediction-error fit in closed loop {motors}. +- is one standard error: three times that of the noise, which is what gusts and telemetry cost \
          on simulated flights, and 1 % at least."
     )
 }
