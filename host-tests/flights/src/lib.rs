@@ -8,10 +8,12 @@
 //!   that reach rotors and frame alike, a pilot, and a battery that sags.
 //! - The **telemetry** ([`telemetry`]) is that of bidirectional DShot: a period of nine bits with an exponent, repeated where a reply
 //!   is lost, and held where replies are few.
+//! - The **blackbox** ([`blackbox`]) is the flight as Betaflight logs it.
 //!
 //! The truth is the time constant of small motions of one motor at an operating point ([`vehicle::Vehicle::time_constant_s`]),
 //! linearized from the physics, the battery's resistance included.
 
+pub mod blackbox;
 pub mod flight;
 pub mod motor;
 pub mod pilot;

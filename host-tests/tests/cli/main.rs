@@ -9,6 +9,7 @@ mod docs;
 mod escapes;
 mod export;
 mod fleet;
+mod flight;
 mod gallery;
 mod garbage;
 mod good_paths;

@@ -119,7 +119,6 @@ fn main() {
             );
         }
         let delays: Vec<(f64, f64)> = known.iter().map(|outcome| outcome.delay_ms).collect();
-        let inside = delays.iter().filter(|(off, std)| off.abs() <= 1.96 * std).count();
         let motors = known.iter().flat_map(|outcome| {
             let levels = outcome.levels.as_deref().unwrap_or_default();
             let std = levels[levels.len() / 2].1;
@@ -127,6 +126,7 @@ fn main() {
         });
         let inside = motors.filter(|inside| *inside).count();
         println!("  each motor, level 1: {inside} of {} inside 95 %", 4 * known.len());
+        let inside = delays.iter().filter(|(off, std)| off.abs() <= 1.96 * std).count();
         println!("  dead time: {inside} of {} inside 95 %", delays.len());
     }
     let seeds: Vec<u64> =

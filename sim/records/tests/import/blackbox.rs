@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
+use flights::blackbox;
 use flights::flight::Flight;
 use miette::Diagnostic as _;
 use proptest::prelude::*;
@@ -545,39 +546,11 @@ fn a_flight_is_refused() {
     assert!(imported(&log, 1).is_ok());
 }
 
-/// The log of a simulated flight, as Betaflight writes it: frames that stand alone, loop of 4 kHz.
-fn flight_log(flight: &Flight) -> Vec<u8> {
-    let per_motor = |name: &str| (0..4).map(|motor| format!("{name}[{motor}]")).collect::<Vec<_>>().join(",");
-    let names =
-        format!("loopIteration,time,vbatLatest,{},{},{}", per_motor("motor"), per_motor("eRPM"), per_motor("setpoint"));
-    let list = |signed: &str, unsigned: &str| [[unsigned; 11].join(","), [signed; 4].join(",")].join(",");
-    let (zeros, signs, codes) = (list("0", "0"), list("1", "0"), list("0", "1"));
-    let mut log = format!(
-        "H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:1\nH P interval:1\n\
-         H Field I name:{names}\nH Field I signed:{signs}\nH Field I predictor:{zeros}\nH Field I encoding:{codes}\n\
-         H Field P predictor:{zeros}\nH Field P encoding:{codes}\nH Firmware revision:{REVISION}\nH features:0\n\
-         H motor_pwm_protocol:6\nH motor_poles:14\nH looptime:125\nH pid_process_denom:2\n"
-    )
-    .into_bytes();
-    let volts = flight.voltage_v.as_deref();
-    for (row, time_s) in flight.time_s.iter().enumerate() {
-        log.push(b'I');
-        let volts = volts.map_or(0.0, |volts| 100.0 * volts[row]);
-        let commands = flight.commands.iter().map(|commands| 48.0 + 1999.0 * commands[row]);
-        let speeds = flight.rpm.iter().map(|rpm| rpm[row] * 7.0 / 100.0);
-        let numbers = [row as f64, 1e6 + 1e6 * time_s, volts].into_iter().chain(commands).chain(speeds);
-        numbers.for_each(|number| unsigned(&mut log, number.round() as u32));
-        let rates = flight.rates.iter().map(|rates| rates[row].to_degrees());
-        rates.chain([1000.0 * flight.throttle[row]]).for_each(|number| signed(&mut log, number.round() as i32));
-    }
-    closed(log)
-}
-
 #[test]
 fn a_flight_is_taken_with_all_motors_where_it_is_called_one() {
     let flight = Flight::fly(3);
     let flown = ImportOptions { excitation: Some(Excitation::Flight), ..ImportOptions::default() };
-    let taken = importing::imported(&flight_log(&flight), &flown).unwrap();
+    let taken = importing::imported(&blackbox::log(&flight), &flown).unwrap();
     let Import { experiment, summary } = taken;
     let files: Vec<&str> = experiment.records.iter().map(|record| record.file.as_str()).collect();
     assert!(files.len() == 4 && files[0].ends_with("_motor1.csv") && files[3].ends_with("_motor4.csv"), "{files:?}");
@@ -599,7 +572,7 @@ fn a_flight_is_taken_with_all_motors_where_it_is_called_one() {
     assert!((center.time_constant_s / truth - 1.0).abs() < 0.05, "{center:?} {truth}");
     // One motor alone is a record of its own.
     let one = ImportOptions { motor: Some(2), ..flown };
-    let taken = importing::imported(&flight_log(&flight), &one).unwrap().experiment;
+    let taken = importing::imported(&blackbox::log(&flight), &one).unwrap().experiment;
     assert_eq!(taken.records.len(), 1);
     assert_eq!(taken.records[0].command, experiment.records[1].command);
 }
