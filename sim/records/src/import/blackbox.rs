@@ -3,7 +3,9 @@
 //! - The command is `motor[]`. With DSHOT its numbers 48 to 2047 are the ESC's whole range (0 stops the motor, 1 to 47 are
 //!   orders); otherwise it is a pulse width. `motorOutput` is no range of the ESC: it is where Betaflight idles.
 //! - The response is `eRPM[]` (Betaflight 4.5 and later) in hundreds of electrical revolutions per minute:
-//!   `rpm = 100 eRPM / (motor_poles / 2)`.
+//!   `rpm = 100 eRPM / (motor_poles / 2)`. Logs of Betaflight 4.1 to 4.4 have the same in `debug[]` where `debug_mode` was
+//!   `DSHOT_RPM_TELEMETRY`, for the first four motors. The headers have the mode as its place in `debugType_e` of Betaflight's
+//!   `src/main/build/debug.h`: 45 in all of these versions, and in 2025.12.
 //! - A file holds a log per flight. The longest is taken unless another is asked for.
 
 use std::path::Path;
@@ -20,6 +22,10 @@ use crate::experiment::{Excitation, Output};
 const FEATURE_3D: i64 = 1 << 12;
 /// Motors of a log.
 const MOST_MOTORS: usize = 8;
+/// `DSHOT_RPM_TELEMETRY` among the debug modes, from version 4.1 on. Standard: `debugType_e`.
+const DEBUG_RPM_TELEMETRY: &str = "45";
+/// The first version whose debug modes are so numbered.
+const DEBUG_SINCE: (u32, u32) = (4, 1);
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
 
@@ -39,12 +45,24 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     };
     check_firmware(file, &log)?;
     let motor = number_of_motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
-    let (command_name, speed_name) = (format!("motor[{motor}]"), format!("eRPM[{motor}]"));
+    let command_name = format!("motor[{motor}]");
+    let names = [format!("eRPM[{motor}]"), format!("debug[{motor}]")];
+    let place = usize::from(log.field(&names[0]).is_none() && has_speed_in_debug(&log));
+    let speed_name = &names[place];
     let command = log.field(&command_name).ok_or_else(|| missing("command", "the field `motor[]`"))?;
-    let speed = log.field(&speed_name).ok_or_else(|| {
-        missing("rpm", "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT")
+    let speed = log.field(speed_name).ok_or_else(|| {
+        let known = format!(
+            "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT, or `debug[]` of version 4.1 on with \
+             debug_mode DSHOT_RPM_TELEMETRY ({DEBUG_RPM_TELEMETRY}); this one has debug_mode {}, and the fields {}",
+            log.header("debug_mode").unwrap_or("none"),
+            log.names.join(", ")
+        );
+        missing("rpm", &known)
     })?;
-    let poles = poles(file, &log)?;
+    let poles = poles(file, &log, options, &mut notes)?;
+    if place == 1 {
+        notes.push(format!("the speed is `{speed_name}`: debug_mode {DEBUG_RPM_TELEMETRY} is DSHOT_RPM_TELEMETRY"));
+    }
     let (range, pulse_widths) = match dshot(file, &log)? {
         true => (DSHOT, false),
         false => (options.pulse_range(), true),
@@ -78,7 +96,9 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         let (taken_as, note) = match *name {
             "time" => (Some("time_s"), String::from("microseconds, from the first row taken")),
             name if name == command_name => (Some("command"), format!("{}..{} become 0..1", range.0, range.1)),
-            name if name == speed_name => (Some("rpm"), format!("times 100, by {} pairs of poles", poles / 2.0)),
+            name if name == speed_name.as_str() => {
+                (Some("rpm"), format!("times 100, by {} pairs of poles", poles / 2.0))
+            }
             "vbatLatest" if voltage_v.is_some() => (Some("voltage_v"), format!("times {VOLTS}")),
             "vbatLatest" => (None, String::from("zero throughout")),
             "amperageLatest" => (None, String::from("the current of all motors")),
@@ -99,6 +119,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
             dropped: taken.dropped,
             timing,
             pulse_widths,
+            is_electrical: true,
             notes,
         },
         time_s,
@@ -161,14 +182,33 @@ fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError>
     })
 }
 
-fn poles(file: &Path, log: &BlackboxLog<'_>) -> Result<f64, ImportError> {
+/// Whether `debug[]` has the motors' speeds.
+fn has_speed_in_debug(log: &BlackboxLog<'_>) -> bool {
+    let firmware = log.header("Firmware revision").unwrap_or_default();
+    let mut numbers = firmware.split(' ').nth(1).unwrap_or_default().split('.').map_while(|part| part.parse().ok());
+    let version: Option<(u32, u32)> = numbers.next().zip(numbers.next());
+    version.is_some_and(|version| version >= DEBUG_SINCE) && log.header("debug_mode") == Some(DEBUG_RPM_TELEMETRY)
+}
+
+/// How many poles the motor has: as stated, or as the log says.
+fn poles(
+    file: &Path,
+    log: &BlackboxLog<'_>,
+    options: &ImportOptions,
+    notes: &mut Vec<String>,
+) -> Result<f64, ImportError> {
     let header = "motor_poles";
-    let poles = log.header(header).and_then(|text| text.parse().ok());
-    poles.filter(|poles: &u8| *poles >= 2).map(f64::from).ok_or_else(|| ImportError::Header {
+    let logged = log.header(header).and_then(|text| text.parse().ok()).filter(|poles: &u32| *poles >= 2);
+    if let (Some(stated), Some(logged)) = (options.motor_poles, logged)
+        && stated != logged
+    {
+        notes.push(format!("{stated} poles, as stated; the log says {logged}, and gains would be off by their ratio"));
+    }
+    options.motor_poles.or(logged).map(f64::from).ok_or_else(|| ImportError::Header {
         file: file.into(),
         header,
         problem: String::from("no number of poles"),
-        remedy: "without it electrical speed is no speed: log with a Betaflight that writes it",
+        remedy: "state it with --motor-poles N: without it electrical speed is no speed",
     })
 }
 

@@ -128,6 +128,7 @@ fn chirp(
         dropped: dropped.map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }).collect(),
         timing,
         pulse_widths: true,
+        is_electrical: false,
         notes,
     };
     let usual = Some(Excitation::Chirp);
@@ -225,6 +226,7 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
         dropped: held.dropped,
         timing,
         pulse_widths: true,
+        is_electrical: false,
         notes,
     };
     Ok(Taken {

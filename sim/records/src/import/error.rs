@@ -364,6 +364,17 @@ pub enum ImportError {
         /// The option that states another unit.
         remedy: String,
     },
+    /// Speeds of a binary log that no motor of a multicopter reaches.
+    #[error("{}, `{column}`: {problem}, which no rotor reaches", file.display())]
+    #[diagnostic(help("its unit or the number of poles is another; glitches are left out where they are few"))]
+    ImpossibleSpeed {
+        /// The log.
+        file: PathBuf,
+        /// The field.
+        column: String,
+        /// How many there are.
+        problem: String,
+    },
     /// A command outside the range that is normalized to 0..1.
     #[error("{}, {line}, column `{column}`: {} is outside {low}..{high}", file.display(), shown(*value))]
     #[diagnostic(help(
@@ -483,6 +494,15 @@ pub enum ImportError {
         problem: String,
         /// What to do about it.
         remedy: &'static str,
+    },
+    /// A rate is stated of a table that has times.
+    #[error("{}, column `{column}`: has the times of the rows, beside which no --rate is needed", file.display())]
+    #[diagnostic(help("leave --rate out; where these are no times, say which column has them with --column"))]
+    RateBesideTimes {
+        /// The log.
+        file: PathBuf,
+        /// The column of the times.
+        column: String,
     },
     /// A log of that number, in a file that has fewer.
     #[error("{}: there is no log {log} in it, but {logs}", file.display())]

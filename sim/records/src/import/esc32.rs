@@ -106,6 +106,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
                 residual_max_s: Some(grid.residual_max_s),
             },
             pulse_widths: false,
+            is_electrical: false,
             notes: vec![
                 "speed is `RPM` as the ESC computes it, which is right for the rotor only if the number of poles is set in \
                  the ESC"

@@ -36,6 +36,12 @@ impl MissingOption {
         Self { name: "--period", value: String::from("SECONDS") }
     }
 
+    /// How many poles the motor has.
+    #[must_use]
+    pub fn motor_poles() -> Self {
+        Self { name: "--motor-poles", value: String::from("N") }
+    }
+
     pub(super) fn pulse_us() -> Self {
         Self { name: "--pulse-us", value: String::from("LOW..HIGH") }
     }

@@ -5,15 +5,19 @@
 
 mod binary_columns;
 mod blackbox;
+mod blackbox_csv;
 mod blackbox_frames;
+mod crazyflie;
 mod dataflash;
 mod dataflash_messages;
 mod described;
 mod error;
 mod esc32;
 mod flight;
+mod flight_stand;
 mod foreign;
 mod format;
+mod glitches;
 mod held;
 mod mat;
 mod mat5;
@@ -31,6 +35,7 @@ mod table;
 mod tare;
 mod ulog;
 mod ulog_messages;
+mod vesc;
 
 use std::fs::File;
 use std::io::Read as _;
@@ -45,7 +50,7 @@ pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
 use super::{CommandLog, Excitation, Experiment, Output, Record};
 use described::Described;
-use format::Reader;
+use format::{Dialect, Reader};
 use plain_layout::PlainTable;
 
 /// What a log does not say of itself.
@@ -71,6 +76,10 @@ pub struct ImportOptions {
     pub without_command: bool,
     /// Whether the mean thrust of the motor at rest is subtracted: a stand that was not set to zero.
     pub tare: bool,
+    /// How many poles the motor has, for a speed in electrical revolutions.
+    pub motor_poles: Option<u32>,
+    /// How many rows a second a table without times has, evenly spaced.
+    pub rate_hz: Option<f64>,
     /// What drove the command. A plain table needs it, unless its rows are steady points; other logs are staircases where absent.
     pub excitation: Option<Excitation>,
     /// The period of an excitation that has one, seconds.
@@ -205,12 +214,14 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
         }
     }
     let mut plain = PlainTable::parse(file, text)?;
+    plain.motor_poles = options.motor_poles;
     let as_table = |format: &'static LogFormat| match format.reader {
         Reader::Table { is_header, dialect } if is_header(&plain.table.header) => Some((format, dialect)),
         _ => None,
     };
-    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &plain::DIALECT));
+    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &Dialect::PLAIN));
     plain.dialect = dialect;
+    plain.notes.extend(dialect.note.map(String::from));
     plain::take_table(plain, options, format)
 }
 
@@ -240,6 +251,7 @@ impl Taken {
             self.command.clear();
             self.own_command.clear();
         }
+        self.leave_out_glitches()?;
         self.cut(options)?;
         self.check_response(options)?;
         self.tare(options)?;

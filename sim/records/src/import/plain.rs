@@ -8,16 +8,18 @@ use std::mem::take;
 use rotorlead_numerics::sample::median;
 
 use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
-use super::plain_columns::{Pick, Picks, is_electrical, option};
+use super::glitches::{MOST_GLITCHES, MOST_RPM};
+use super::plain_columns::{Pick, Picks, is_electrical, of_other_motors, option};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
-use super::quantity::{DSHOT, Quantity, Scale, Unit};
+use super::quantity::{DSHOT, ELECTRICAL, Quantity, Scale, Unit};
 use super::rcbenchmark::MAX_OVERTAKING_S;
 use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
 use super::{
-    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, plain_speeds,
+    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, flight,
+    plain_speeds,
 };
 use crate::experiment::{Excitation, Output};
 
@@ -31,8 +33,6 @@ const SLOWER_THAN_A_LAG_S: f64 = 0.5;
 const MOST_STEADY_POINTS: usize = 1000;
 /// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
 const NEARLY_ALL: f64 = 0.9;
-/// A rotor of a multicopter does not turn faster, revolutions per minute.
-const MOST_RPM: f64 = 200_000.0;
 /// No such rotor pulls more, newtons.
 const MOST_N: f64 = 10_000.0;
 
@@ -87,6 +87,9 @@ pub(super) fn take_table(
     }
 
     let is_steady = rows.find_times(picks.time, is_stand, options, &mut notes)?;
+    if let (true, Some(motor), Some(command)) = (plain.dialect.may_be_flight, picks.motor, picks.command) {
+        rows.refuse_flight(&plain, motor, command, options)?;
+    }
     let columns = Columns {
         table,
         places: &rows.places,
@@ -138,6 +141,7 @@ pub(super) fn take_table(
         list.left(pick.column, why);
         None
     };
+    let sample_rate_hz = options.rate_hz.filter(|_| picks.time.is_none() && is_whole(&rows.places));
     let thrust_n = complete(picks.thrust, &mut rows.thrust);
     let rpm = complete(picks.speed, &mut rows.speed);
     let voltage_v = complete(picks.voltage, &mut rows.voltage);
@@ -171,6 +175,7 @@ pub(super) fn take_table(
             dropped: rows.dropped,
             timing: timing(&rows.time, rows.reordered),
             pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
+            is_electrical: picks.speed.is_some_and(|speed| speed.unit.name.starts_with(ELECTRICAL)),
             notes,
         },
         usual: if is_steady { Some(Excitation::Steady) } else { plain.dialect.usual },
@@ -182,7 +187,7 @@ pub(super) fn take_table(
         rpm,
         voltage_v,
         current_a,
-        sample_rate_hz: None,
+        sample_rate_hz,
     })
 }
 
@@ -304,13 +309,10 @@ impl Rows<'_> {
         options: &ImportOptions,
         notes: &mut Vec<String>,
     ) -> Result<String, ImportError> {
-        let (low, high) = match pick.unit.scale {
-            Scale::Pulse => options.pulse_range(),
-            Scale::Dshot => (0.0, DSHOT.1),
-            Scale::Ratio(times, over) => (0.0, over / times),
-            // Of a time alone.
-            Scale::Clock => (0.0, 1.0),
-        };
+        let (mut low, high) = command_range(pick, options).unwrap_or((0.0, 1.0));
+        if pick.unit.scale == Scale::Dshot {
+            low = 0.0;
+        }
         let rows = self.places.iter().copied().zip(self.command.iter().copied());
         let own = self.own_command.iter().map(|own| (own.place, own.command));
         if let Some((place, value)) = rows.chain(own).find(|(_, value)| !(low..=high).contains(value)) {
@@ -354,6 +356,24 @@ impl Rows<'_> {
         Ok(format!("DShot: {low}..{high} become 0..1, 0 is stop{guessed}"))
     }
 
+    /// Refuses a log in which other motors have commands of their own.
+    fn refuse_flight(
+        &self,
+        plain: &PlainTable<'_>,
+        motor: usize,
+        command: Pick,
+        options: &ImportOptions,
+    ) -> Result<(), ImportError> {
+        let Some((low, high)) = command_range(command, options) else { return Ok(()) };
+        for (other, column) in of_other_motors(plain, Quantity::Command, motor) {
+            let numbers = self.table.numbers(&[(column, command.reading())])?;
+            let scaled = |&place: &usize| ((numbers[0][place] - low) / (high - low)).max(0.0);
+            let others = [(other, self.places.iter().map(scaled).collect())];
+            flight::refuse(&self.table.file, options, motor, &self.time, &self.command, "motor", &others)?;
+        }
+        Ok(())
+    }
+
     /// Makes seconds from the first row of the stamps, in their order, and finds out whether each row is a steady point, whose
     /// stamps may be anything.
     fn find_times(
@@ -366,6 +386,11 @@ impl Rows<'_> {
         let is_stated = options.excitation == Some(Excitation::Steady);
         let Some(pick) = pick else {
             self.own_command.clear();
+            if let Some(rate_hz) = options.rate_hz {
+                self.time = self.places.iter().map(|&place| place as f64 / rate_hz).collect();
+                notes.push(format!("the table has no time: its rows are {rate_hz} a second, as stated"));
+                return Ok(is_stated);
+            }
             self.time = numbered(self.command.len());
             notes.push(String::from("the table has no time: its points are numbered, one a second"));
             return Ok(true);
@@ -496,6 +521,21 @@ impl Rows<'_> {
     }
 }
 
+/// What numbers of a command become 0 and 1; `None` where it is none.
+fn command_range(pick: Pick, options: &ImportOptions) -> Option<(f64, f64)> {
+    match pick.unit.scale {
+        Scale::Pulse => Some(options.pulse_range()),
+        Scale::Dshot => Some(DSHOT),
+        Scale::Ratio(times, over) => Some((0.0, over / times)),
+        Scale::Clock | Scale::Electrical(_) => None,
+    }
+}
+
+/// Whether rows follow each other in the table.
+fn is_whole(places: &[usize]) -> bool {
+    places.windows(2).all(|pair| pair[1] == pair[0] + 1)
+}
+
 /// Times of points that have none.
 fn numbered(points: usize) -> Vec<f64> {
     (0..points).map(|point| point as f64).collect()
@@ -544,9 +584,13 @@ fn convert(
         Quantity::Speed => (MOST_RPM, "rpm"),
         _ => (f64::MAX, ""),
     };
+    let is_too_much = |value: &f64| pick.converted(*value).abs() > most;
+    let too_much = values.iter().filter(|value| is_too_much(value)).count();
+    // A few are left out with the rest of what no rotor does.
+    let are_glitches = pick.unit.quantity == Quantity::Speed && too_much as f64 <= MOST_GLITCHES * values.len() as f64;
     for (row, value) in values.iter_mut().enumerate() {
         let found = pick.converted(*value);
-        if found.abs() > most {
+        if found.abs() > most && !are_glitches {
             let name = &table.header[pick.column];
             let line = table.line(places[row]);
             let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
@@ -567,7 +611,7 @@ fn convert(
 fn conversion(pick: Pick) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {
-        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock => String::new(),
+        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock | Scale::Electrical(_) => String::new(),
         Scale::Ratio(times, 1.0) => format!(", times {times}"),
         Scale::Ratio(times, over) => format!(", times {}", times / over),
     };
@@ -588,9 +632,6 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
     })
 }
 
-/// Its names speak for themselves.
-pub(super) const DIALECT: Dialect = Dialect { names: &[], is_stand: false, usual: None };
-
 /// The format.
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "plain",
@@ -599,5 +640,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header: |_| true, dialect: &DIALECT },
+    reader: Reader::Table { is_header: |_| true, dialect: &Dialect::PLAIN },
 };

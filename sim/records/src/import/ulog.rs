@@ -160,6 +160,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
             dropped: held.dropped,
             timing,
             pulse_widths,
+            is_electrical: false,
             notes,
         },
         time_s,
