@@ -168,6 +168,7 @@ fn excitation_number(excitation: Excitation) -> f64 {
         Excitation::Chirp => 6.0,
         Excitation::Free => 7.0,
         Excitation::Steady => 8.0,
+        Excitation::Random => 9.0,
     }
 }
 

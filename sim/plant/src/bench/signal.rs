@@ -230,7 +230,7 @@ impl<'a> Shape<'a> {
                 let hold_rows = keys.hold(levels.len())?;
                 Ok(Self::Staircase { levels, hold_rows })
             }
-            Excitation::Chirp | Excitation::Steady | Excitation::Free => Err(place
+            Excitation::Chirp | Excitation::Random | Excitation::Steady | Excitation::Free => Err(place
                 .key("excitation")
                 .fault("the bench does not play this", "use multisine, square, triangle, step or staircase")),
         }

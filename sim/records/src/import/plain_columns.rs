@@ -579,7 +579,8 @@ fn named_by_unit(unit: &str) -> Option<Quantity> {
 fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
     plain
         .label(index)
-        .and_then(|label| split(label).1)
+        .filter(|label| plain.dialect.meaning(label).is_none())
+        .and_then(|label| split(split_motor(label).0).1)
         .or_else(|| below(plain, index))
         .or_else(|| behind_numbers(plain, index))
 }
