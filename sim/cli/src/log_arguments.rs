@@ -240,10 +240,10 @@ fn with_next_command(error: ImportError) -> miette::Report {
         return error.into();
     }
     let help = next_command(&error.help().map(|help| help.to_string()).unwrap_or_default(), &missing);
-    match error {
-        ImportError::UnclearColumns { .. } => miette!(help = help, "{error}"),
-        error => UsageError::new(error.to_string(), help).into(),
+    if missing.iter().any(|option| option.name == "--column") {
+        return miette!(help = help, "{error}");
     }
+    UsageError::new(error.to_string(), help).into()
 }
 
 /// The error of a log whose excitation is another, with the command line that says so.

@@ -120,7 +120,10 @@ mod tests {
             let binary = |time: f64| if bit((time / tick_s + 1e-6) as usize) { 0.58 } else { 0.42 };
             assert_eq!(shape(binary), Some(CommandShape::Random), "{tick_s}");
         }
-        let of_levels = |time: f64| 0.3 + 0.4 * (((time / 0.1 + 1e-6) as usize * 7919 + 13) % 101) as f64 / 101.0;
+        let of_levels = |time: f64| {
+            let place = (time / 0.1 + 1e-6) as usize;
+            0.3 + 0.4 * ((place * place * 37 + place * 13) % 101) as f64 / 101.0
+        };
         assert_eq!(shape(of_levels), Some(CommandShape::Random));
         let square = |period_s: f64| move |time: f64| if (time / period_s + 1e-6).fract() < 0.5 { 0.4 } else { 0.6 };
         assert_eq!(shape(square(0.4)), None);

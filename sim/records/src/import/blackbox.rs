@@ -13,6 +13,7 @@ use std::path::Path;
 use super::binary_columns::{normalized, zero_based_stamps};
 use super::blackbox_frames::{self, BlackboxLog, Rows};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
+use super::missing::MissingOption;
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
@@ -37,12 +38,8 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     let damaged = |at: usize, problem| ImportError::Damaged { file: file.into(), offset: offset + at, problem };
     let log = BlackboxLog::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
     let number_of_motor = options.motor.unwrap_or(1);
-    let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
-        file: file.into(),
-        signal,
-        known: known.into(),
-        motor: number_of_motor,
-    };
+    let missing =
+        |signal: &str, known: &str| ImportError::missing_signal(file, signal, number_of_motor, known, &log.names);
     check_firmware(file, &log)?;
     let motor = number_of_motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
     let command_name = format!("motor[{motor}]");
@@ -53,9 +50,8 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     let speed = log.field(speed_name).ok_or_else(|| {
         let known = format!(
             "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT, or `debug[]` of version 4.1 on with \
-             debug_mode DSHOT_RPM_TELEMETRY ({DEBUG_RPM_TELEMETRY}); this one has debug_mode {}, and the fields {}",
-            log.header("debug_mode").unwrap_or("none"),
-            log.names.join(", ")
+             debug_mode DSHOT_RPM_TELEMETRY ({DEBUG_RPM_TELEMETRY}); this one has debug_mode {}",
+            log.header("debug_mode").unwrap_or("none")
         );
         missing("rpm", &known)
     })?;
@@ -157,7 +153,7 @@ fn refuse_flight(
 fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<String>) -> Result<usize, ImportError> {
     if let Some(log) = options.log {
         let place = log.checked_sub(1).filter(|&place| place < logs.len());
-        return place.ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: logs.len() });
+        return place.ok_or_else(|| ImportError::no_such_log(file, log, logs.len()));
     }
     let longest = logs.iter().map(|log| log.len()).max();
     let place = logs.iter().position(|log| Some(log.len()) == longest).unwrap_or(0);
@@ -167,6 +163,11 @@ fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<
     Ok(place)
 }
 
+/// A header that does not say what a number of the log means, or says what cannot be taken.
+fn bad_header(file: &Path, header: &str, problem: String, remedy: &str) -> ImportError {
+    ImportError::value(file, format!("header `{header}`"), problem, remedy)
+}
+
 /// Others write the same container with other units.
 fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError> {
     let header = "Firmware revision";
@@ -174,12 +175,10 @@ fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError>
     if firmware.starts_with("Betaflight ") {
         return Ok(());
     }
-    Err(ImportError::Header {
-        file: file.into(),
-        header,
-        problem: format!("`{}` is not Betaflight", firmware.chars().take(40).collect::<String>()),
-        remedy: "the units of other firmware are not known here: export the log as a table and write an experiment folder",
-    })
+    let problem = format!("`{}` is not Betaflight", firmware.chars().take(40).collect::<String>());
+    let remedy =
+        "the units of other firmware are not known here: export the log as a table and write an experiment folder";
+    Err(bad_header(file, header, problem, remedy))
 }
 
 /// Whether `debug[]` has the motors' speeds.
@@ -204,11 +203,11 @@ fn poles(
     {
         notes.push(format!("{stated} poles, as stated; the log says {logged}, and gains would be off by their ratio"));
     }
-    options.motor_poles.or(logged).map(f64::from).ok_or_else(|| ImportError::Header {
+    options.motor_poles.or(logged).map(f64::from).ok_or_else(|| ImportError::Unstated {
         file: file.into(),
-        header,
-        problem: String::from("no number of poles"),
-        remedy: "state it with --motor-poles N: without it electrical speed is no speed",
+        problem: format!(", header `{header}`: no number of poles"),
+        remedy: format!("state it with {}: without it electrical speed is no speed", MissingOption::motor_poles()),
+        missing: vec![MissingOption::motor_poles()],
     })
 }
 
@@ -216,23 +215,18 @@ fn poles(
 fn dshot(file: &Path, log: &BlackboxLog<'_>) -> Result<bool, ImportError> {
     let features = log.header("features").and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
     if features & FEATURE_3D != 0 {
-        return Err(ImportError::Header {
-            file: file.into(),
-            header: "features",
-            problem: String::from("the motors turn both ways (3D)"),
-            remedy: "log with 3D switched off: half of the ESC's range is the other direction",
-        });
+        let problem = String::from("the motors turn both ways (3D)");
+        let remedy = "log with 3D switched off: half of the ESC's range is the other direction";
+        return Err(bad_header(file, "features", problem, remedy));
     }
     let header = "motor_pwm_protocol";
     match log.header(header).and_then(|text| text.parse::<u8>().ok()) {
         Some(5..=8) => Ok(true),
         Some(0..=3) => Ok(false),
-        _ => Err(ImportError::Header {
-            file: file.into(),
-            header,
-            problem: String::from("neither DSHOT nor pulses"),
-            remedy: "known are 0 to 3 (PWM, OneShot, MultiShot) and 5 to 8 (DSHOT, ProShot)",
-        }),
+        _ => {
+            let remedy = "known are 0 to 3 (PWM, OneShot, MultiShot) and 5 to 8 (DSHOT, ProShot)";
+            Err(bad_header(file, header, String::from("neither DSHOT nor pulses"), remedy))
+        }
     }
 }
 

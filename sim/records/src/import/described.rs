@@ -35,8 +35,12 @@ impl Taken {
         let least = if self.usual == Some(Excitation::Steady) { MIN_STEADY_POINTS } else { MIN_ROWS };
         if end - first < least {
             let lasts_s = self.time_s.last().copied().unwrap_or(0.0);
-            let file = self.summary.file.clone();
-            return Err(ImportError::OutsideLog { file, from_s, to_s, rows: end - first, lasts_s });
+            let rows = end - first;
+            return Err(ImportError::missing(
+                &self.summary.file,
+                format!(": {rows} row(s) from {from_s} to {to_s} s; the log ends {lasts_s:.1} s behind its first row"),
+                "give --seconds a part that lies in the log; they are counted from its first row",
+            ));
         }
         let columns = [&mut self.time_s, &mut self.command].into_iter();
         let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
@@ -73,7 +77,7 @@ impl Taken {
             None => None,
         };
         let excitation = options.excitation.or(seen).or(self.usual);
-        let excitation = excitation.ok_or_else(|| ImportError::NoExcitation { file: file() })?;
+        let excitation = excitation.ok_or_else(|| ImportError::no_excitation(&self.summary.file))?;
         let period_s = options.period_s.filter(|_| excitation.is_periodic());
         let (found, how) = self.nominal(excitation, period_s, (low, high));
         let (nominal, how) = options.nominal.map_or((found, how), |nominal| (nominal, String::from("as stated")));

@@ -6,6 +6,7 @@ use std::path::Path;
 use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
 
 use super::ImportError;
+use super::format::LogFormat;
 
 /// What a spreadsheet has to become.
 const SPREADSHEET: &str = "open it in the spreadsheet program, choose the sheet with the rows and export it as CSV";
@@ -73,7 +74,7 @@ pub(super) fn refuse(file: &Path, bytes: &[u8]) -> Result<(), ImportError> {
     } else if bytes.starts_with(b"PK") && names(b"opendocument.spreadsheet") {
         (kind, remedy) = ("a LibreOffice spreadsheet (ODS)", SPREADSHEET);
     }
-    Err(ImportError::NoLog { file: file.into(), kind, remedy })
+    Err(ImportError::not_a_log(file, format!(": {kind}, and no log"), remedy))
 }
 
 /// Whether bytes are MAVLink packets, each behind its stamp of eight bytes (mavlink/qgroundcontrol, MAVLink's *Telemetry Logs*).
@@ -99,7 +100,15 @@ pub(super) fn text<'a>(file: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, str>, Op
     let (marked, mark) = Encoding::for_bom(bytes).unwrap_or((UTF_8, 0));
     let bytes = &bytes[mark..];
     let line = |end: usize| memchr::memchr_iter(b'\n', &bytes[..end]).count() + 1;
-    let not_text = |at: usize| ImportError::NotText { file: file.into(), line: line(at), byte: bytes[at] };
+    let not_text = |at: usize| {
+        let problem = format!(
+            ", line {}: the byte {:#04x} belongs in no text: the file is damaged, or a binary log that is not known",
+            line(at),
+            bytes[at]
+        );
+        let remedy = format!("copy the file again, or export it as one of these: {}", LogFormat::titles());
+        ImportError::not_a_log(file, problem, remedy)
+    };
     if marked != UTF_8 {
         let text = marked.decode_without_bom_handling_and_without_replacement(bytes);
         let problem = "UTF-16 text with characters that are none";

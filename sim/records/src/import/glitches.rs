@@ -23,8 +23,9 @@ impl Taken {
         let rows = keep.len();
         let name = self.name_of_speed();
         if glitches as f64 > MOST_GLITCHES * rows as f64 {
-            let problem = format!("{glitches} of {rows} speeds are over {MOST_RPM} rpm");
-            return Err(ImportError::ImpossibleSpeed { file: self.summary.file.clone(), column: name, problem });
+            let problem = format!("{glitches} of {rows} speeds are over {MOST_RPM} rpm, which no rotor reaches");
+            let remedy = "its unit or the number of poles is another; glitches are left out where they are few";
+            return Err(ImportError::value(&self.summary.file, format!("column `{name}`"), problem, remedy));
         }
         if self.own_command.is_empty() {
             self.own_command = self.time_s.iter().copied().zip(self.command.iter().copied()).collect();

@@ -276,7 +276,10 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
 fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
     match mat5::header(bytes) {
         Some(mat5::Header::Level5) => take(file, bytes, options).map(Some),
-        Some(mat5::Header::Hdf5) => Err(ImportError::Hdf5 { file: file.into() }),
+        Some(mat5::Header::Hdf5) => {
+            let problem = ": a MATLAB file of version 7.3 (HDF5)";
+            Err(ImportError::not_a_log(file, problem, "save it again in MATLAB with `save(file, '-v7')`"))
+        }
         None => Ok(None),
     }
 }

@@ -126,14 +126,19 @@ const LONGEST_LOG: u64 = 1_000_000_000;
 /// outside its range or constant, time that runs backwards, too few rows, numbers that cannot be, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
     if file.is_dir() {
-        return Err(ImportError::Folder { file: file.into() });
+        return Err(ImportError::not_a_log(
+            file,
+            ": it is a folder, and no log",
+            "give the logs in it, each by its name",
+        ));
     }
     let mut bytes = Vec::new();
     File::open(file)
         .and_then(|log| log.take(LONGEST_LOG + 1).read_to_end(&mut bytes))
         .map_err(|source| ImportError::Read { file: file.into(), source })?;
     if bytes.len() as u64 > LONGEST_LOG {
-        return Err(ImportError::TooLong { file: file.into(), most: LONGEST_LOG });
+        let remedy = "cut the part that holds the run out of it with the logger's own tools";
+        return Err(ImportError::not_a_log(file, format!(": longer than {} MB", LONGEST_LOG / 1_000_000), remedy));
     }
     import_bytes(file, &bytes, options)
 }
@@ -146,7 +151,7 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
 /// As [`import`].
 pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Import, ImportError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(ImportError::Empty { file: file.into() });
+        return Err(ImportError::not_a_log(file, ": the file is empty", "copy or export the log again"));
     }
     let (low_us, high_us) = options.pulse_range();
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
@@ -184,7 +189,8 @@ fn take_moving_motor(
         }
         _ => {
             let motors = moving.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-            Err(ImportError::SeveralMotors { file: file.into(), motors })
+            let problem = format!(": motor 1 stands still, and motors {motors} move");
+            Err(ImportError::missing(file, problem, "say which one to take, as in `--motor 2`"))
         }
     }
 }
@@ -305,8 +311,8 @@ impl Taken {
             Output::Rpm => &self.rpm,
         };
         if response.is_none() {
-            let (file, output) = (self.summary.file.clone(), self.output.column());
-            return Err(ImportError::NoSuchOutput { file, output });
+            let columns = self.summary.columns.iter().map(|column| format!("`{}`", column.name)).collect::<Vec<_>>();
+            return Err(ImportError::no_such_output(&self.summary.file, self.output.column(), &columns.join(", ")));
         }
         Ok(())
     }
@@ -344,7 +350,16 @@ impl Taken {
         }
         let taken_as_time = |column: &&ColumnUse| column.taken_as.as_deref() == Some("time_s");
         let column = self.summary.columns.iter().find(taken_as_time).map_or("time", |column| column.name.as_str());
-        Err(ImportError::TimeUnit { file: self.summary.file.clone(), column: column.into(), interval_s, lasts_s })
+        let hours = lasts_s / 3600.0;
+        Err(ImportError::value(
+            &self.summary.file,
+            format!("column `{column}`"),
+            format!("rows {interval_s} s apart that last {hours:.1} hours are no recording of a motor"),
+            format!(
+                "its unit is another: state it, as in `--column time='{column}:ms'`; where each row is a steady point, say so with \
+                 `--excitation steady`"
+            ),
+        ))
     }
 }
 

@@ -9,7 +9,7 @@ use rotorlead_numerics::sample::median;
 
 use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
 use super::glitches::{MOST_GLITCHES, MOST_RPM};
-use super::plain_columns::{Pick, Picks, is_electrical, of_other_motors, option};
+use super::plain_columns::{Pick, Picks, is_electrical, listed, of_other_motors, option};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
 use super::quantity::{DSHOT, ELECTRICAL, Quantity, Scale, Unit};
@@ -90,8 +90,10 @@ pub(super) fn take_table(
     if let (true, Some(motor), Some(command)) = (plain.dialect.may_be_flight, picks.motor, picks.command) {
         rows.refuse_flight(&plain, motor, command, options)?;
     }
+    let listed = listed(&plain);
     let columns = Columns {
         table,
+        listed: &listed,
         places: &rows.places,
         thrust: picks.thrust.zip(rows.thrust.as_deref()),
         speed: picks.speed.zip(rows.speed.as_deref()),
@@ -283,8 +285,16 @@ impl Rows<'_> {
     fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
         let has = |value: &f64| !value.is_nan();
         let Some(first) = self.command.iter().position(has) else {
-            let (file, column) = (self.table.file.clone(), self.table.header[command.column].clone());
-            return Err(ImportError::NoCommand { file, column, rows: self.command.len() });
+            return Err(ImportError::missing(
+                &self.table.file,
+                format!(
+                    ", column `{}`: empty in all {} rows, so the log does not have the command",
+                    self.table.header[command.column],
+                    self.command.len()
+                ),
+                "record with the output switched on; where the command was logged apart, `rotorlead import --no-command` takes the log \
+                 without it, and `rotorlead identify --align LOG` merges the two",
+            ));
         };
         let end = self.command.iter().rposition(has).map_or(first, |last| last + 1);
         if let Some(blank) = self.command[first..end].iter().position(|value| value.is_nan()) {
@@ -316,14 +326,8 @@ impl Rows<'_> {
         let rows = self.places.iter().copied().zip(self.command.iter().copied());
         let own = self.own_command.iter().map(|own| (own.place, own.command));
         if let Some((place, value)) = rows.chain(own).find(|(_, value)| !(low..=high).contains(value)) {
-            return Err(ImportError::OutOfRange {
-                file: self.table.file.clone(),
-                line: self.table.line(place),
-                column: self.table.header[pick.column].clone(),
-                value,
-                low,
-                high,
-            });
+            let (line, column) = (self.table.line(place), &self.table.header[pick.column]);
+            return Err(ImportError::out_of_range(&self.table.file, line, column, value, (low, high)));
         }
         let name = &self.table.header[pick.column];
         notes.extend(pick.guessed_because.map(|because| {
@@ -451,13 +455,10 @@ impl Rows<'_> {
         let mut latest = f64::NEG_INFINITY;
         for (at, &time) in self.time.iter().enumerate() {
             if latest - time > most_s {
-                return Err(ImportError::TimeRunsBack {
-                    file: self.table.file.clone(),
-                    line: self.table.line(self.places[at]),
-                    column: self.table.header[pick.column].clone(),
-                    // To the nanosecond: digits beyond are those of the subtraction.
-                    by_s: ((latest - time) * 1e9).round() / 1e9,
-                });
+                let (line, column) = (self.table.line(self.places[at]), &self.table.header[pick.column]);
+                // To the nanosecond: digits beyond are those of the subtraction.
+                let by_s = ((latest - time) * 1e9).round() / 1e9;
+                return Err(ImportError::time_runs_back(&self.table.file, line, column, by_s));
             }
             self.reordered += usize::from(time < latest);
             latest = latest.max(time);
@@ -594,13 +595,16 @@ fn convert(
             let name = &table.header[pick.column];
             let line = table.line(places[row]);
             let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
-            return Err(ImportError::Impossible {
-                file: table.file.clone(),
+            return Err(ImportError::cell(
+                &table.file,
                 line,
-                column: name.clone(),
-                problem: format!("`{text}` in {} is more than {most} {unit}", pick.unit.name),
-                remedy: option(pick.unit.quantity, name, "UNIT"),
-            });
+                name,
+                format!("`{text}` in {} is more than {most} {unit}, which cannot be", pick.unit.name),
+                format!(
+                    "where its unit is another, state it with `{}`; where the value is a glitch, delete the row",
+                    option(pick.unit.quantity, name, "UNIT")
+                ),
+            ));
         }
         *value = found;
     }

@@ -101,8 +101,13 @@ impl Picks {
             // Times in no known unit are no better than none.
             Found::Unclear(_) if options.rate_hz.is_some() => None,
             Found::Pick(time) if options.rate_hz.is_some() => {
-                let (file, column) = (plain.table.file.clone(), plain.table.header[time.column].clone());
-                return Err(ImportError::RateBesideTimes { file, column });
+                let column = &plain.table.header[time.column];
+                return Err(ImportError::value(
+                    &plain.table.file,
+                    format!("column `{column}`"),
+                    "has the times of the rows, beside which no --rate is needed",
+                    "leave --rate out; where these are no times, say which column has them with --column",
+                ));
             }
             found => need(found, "time", Quantity::Time),
         };
@@ -123,12 +128,12 @@ impl Picks {
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
         if let Some(beside) = plain.beside.iter().find(|b| b.quantity.is_some_and(|quantity| unfit.contains(&quantity)))
         {
-            return Err(ImportError::Variable {
-                file: plain.table.file.clone(),
-                name: beside.name.clone(),
-                problem: format!("{}, where a vector of real numbers is needed", beside.shown),
-                remedy: format!("in MATLAB, {}", beside.remedy),
-            });
+            return Err(ImportError::value(
+                &plain.table.file,
+                format!("variable `{}`", beside.name),
+                format!("{}, where a vector of real numbers is needed", beside.shown),
+                format!("in MATLAB, {}", beside.remedy),
+            ));
         }
         if !questions.is_empty() {
             return Err(ask(plain, &questions, options));
@@ -269,11 +274,13 @@ fn wanted_motor(plain: &PlainTable<'_>, options: &ImportOptions) -> Result<Optio
         Some(motor) if motors.contains(&motor) => Ok(Some(motor)),
         Some(motor) => {
             let there: Vec<String> = motors.iter().map(usize::to_string).collect();
-            let known = match there.is_empty() {
-                true => String::from("a column whose name has the number of a motor, and none has"),
-                false => format!("one of the motors that are there: {}", there.join(", ")),
+            let has = match there.is_empty() {
+                true => String::from("no column's name has the number of a motor"),
+                false => format!("there are columns of motors {}", there.join(", ")),
             };
-            Err(ImportError::MissingTopic { file: plain.table.file.clone(), signal: "command", known, motor })
+            let remedy =
+                format!("{has}: leave --motor out, or state one that is there. The columns are {}", listed(plain));
+            Err(ImportError::missing(&plain.table.file, format!(": no column is of motor {motor}"), remedy))
         }
     }
 }
@@ -284,7 +291,11 @@ pub(super) fn of_other_motors(plain: &PlainTable<'_>, quantity: Quantity, motor:
         let said = Said::from_column(plain, column).filter(|said| said.quantity == quantity)?;
         said.motor.filter(|other| *other != motor).map(|other| (other, column))
     };
-    (0..plain.table.header.len()).filter_map(other).collect()
+    let mut others: Vec<(usize, usize)> = (0..plain.table.header.len()).filter_map(other).collect();
+    others.sort_unstable();
+    // A motor has one: work stays within a multiple of the log.
+    others.dedup_by_key(|(motor, _)| *motor);
+    others
 }
 
 fn find(
@@ -296,13 +307,17 @@ fn find(
     let (header, choices) = (&plain.table.header, &options.columns);
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
         let mut named = plain.called(&choice.header).into_iter();
-        let index = named.next().ok_or_else(|| ImportError::NoSuchColumn {
-            file: plain.table.file.clone(),
-            column: choice.header.clone(),
-            columns: listed(plain),
+        let (file, column) = (&plain.table.file, &choice.header);
+        let index = named.next().ok_or_else(|| {
+            let remedy = format!(
+                "the columns are {}: give one of these to --column, capitals and blanks as they are",
+                listed(plain)
+            );
+            ImportError::missing(file, format!(": there is no column `{column}`"), remedy)
         })?;
         if named.next().is_some() {
-            return Err(ImportError::SameName { file: plain.table.file.clone(), column: choice.header.clone() });
+            let remedy = format!("rename one of them in the header; the columns are {}", listed(plain));
+            return Err(ImportError::missing(file, format!(": two columns are called `{column}`"), remedy));
         }
         (index, Some(choice))
     } else {
@@ -484,7 +499,7 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
         values.push(format!("--excitation: {EXCITATIONS}"));
         missing.push(MissingOption::excitation());
     }
-    ImportError::UnclearColumns {
+    ImportError::Unstated {
         file: plain.table.file.clone(),
         problem: format!("{place}: {}", asks.join("; ")),
         remedy: format!(
@@ -499,7 +514,7 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
 }
 
 /// The columns' names, for messages.
-fn listed(plain: &PlainTable<'_>) -> String {
+pub(super) fn listed(plain: &PlainTable<'_>) -> String {
     let names = plain.table.header.iter().enumerate().filter(|(_, name)| !name.is_empty());
     let shown = |(column, name): (usize, &String)| match plain.label(column) {
         Some(label) if !name.ends_with(label) => format!("`{}` (`{}`)", quoted(name), quoted(label)),

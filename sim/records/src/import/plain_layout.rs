@@ -72,10 +72,10 @@ impl<'a> PlainTable<'a> {
         let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
         let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-            return Err(ImportError::UnknownFormat {
-                file: file.into(),
-                header: header.trim().chars().take(120).collect(),
-            });
+            let header: String = header.trim().chars().take(120).collect();
+            let problem =
+                format!(": no known log format, and no table: no line of it has two numbers. It begins with: {header}");
+            return Err(ImportError::unknown(file, problem));
         };
         let is_by_blanks = matches!(text, Cow::Owned(_));
         let mut above: Vec<(usize, &str)> = text
