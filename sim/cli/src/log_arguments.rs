@@ -38,7 +38,8 @@ pub struct LogArguments {
     tare: bool,
     /// What drove the command
     ///
-    /// Needed for a plain table; unless given, chirp for an autopilot's chirps and staircase for other logs. `steady`: each row is a
+    /// Needed for a plain table; unless given, chirp for an autopilot's chirps, random where the command switches at random, and staircase for
+    /// other logs. `steady`: each row is a
     /// steady point of its own, as in a table of averages.
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
