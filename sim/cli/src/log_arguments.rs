@@ -185,8 +185,8 @@ impl LogArguments {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());
             Err(UsageError::new(message, format!("leave {option} out")))
         };
-        if self.motor.is_some() && !format.has_motors {
-            return refuse("--motor", "it is of a format that has one motor in a file");
+        if self.motor.is_some() && !log.has_motors {
+            return refuse("--motor", "it has one motor, and no column that says which");
         }
         if self.log.is_some() && !format.has_several_logs {
             return refuse("--log", "it is of a format that has one log in a file");

@@ -63,12 +63,16 @@ fn is_random(time_s: &[f64], command: &[f64], changes: &[usize]) -> bool {
     holds_for_rows && usual_s < HELD_S && is_irregular && turns as f64 >= TURNS * (steps.len() - 1) as f64
 }
 
-/// How many times the large ones are the small ones, a tenth at either end left aside.
+/// How many times the large ones are the small ones, a tenth at either end left aside; of each second one alone, since a train of pulses is
+/// long and short in turn.
 fn spread(values: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = values.iter().map(|value| value.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let aside = sizes.len() / 10;
-    sizes[sizes.len() - 1 - aside] / sizes[aside]
+    let of = |first: usize| {
+        let mut sizes: Vec<f64> = values.iter().skip(first).step_by(2).map(|value| value.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let aside = sizes.len() / 10;
+        sizes[sizes.len() - 1 - aside] / sizes[aside]
+    };
+    f64::min(of(0), of(1))
 }
 
 fn is_ramp(time_s: &[f64], command: &[f64]) -> bool {

@@ -116,6 +116,7 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
             timing,
             pulse_widths,
             is_electrical: true,
+            has_motors: true,
             notes,
         },
         time_s,

@@ -129,6 +129,7 @@ fn chirp(
         timing,
         pulse_widths: true,
         is_electrical: false,
+        has_motors: true,
         notes,
     };
     let usual = Some(Excitation::Chirp);
@@ -228,6 +229,7 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
         timing,
         pulse_widths: true,
         is_electrical: false,
+        has_motors: true,
         notes,
     };
     Ok(Taken {

@@ -106,6 +106,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
             },
             pulse_widths: false,
             is_electrical: false,
+            has_motors: false,
             notes: vec![
                 "speed is `RPM` as the ESC computes it, which is right for the rotor only if the number of poles is set in \
                  the ESC"

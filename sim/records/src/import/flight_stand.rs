@@ -35,6 +35,6 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     memory_per_byte: UNCOMPRESSED,
     reader: Reader::Table {
         is_header,
-        dialect: &Dialect { names: NAMES, is_stand: true, usual: Some(Excitation::Staircase), ..Dialect::PLAIN },
+        dialect: &Dialect { names: NAMES, usual: Some(Excitation::Staircase), ..Dialect::PLAIN },
     },
 };

@@ -35,7 +35,7 @@ pub struct LogFormat {
     pub name: &'static str,
     /// What a list of formats calls it.
     pub title: &'static str,
-    /// Whether a log has several motors, of which [`ImportOptions::motor`] takes one.
+    /// Whether a log may have several motors, of which [`ImportOptions::motor`] takes one.
     pub has_motors: bool,
     /// Whether a file may have several logs, of which [`ImportOptions::log`] takes one.
     pub has_several_logs: bool,

@@ -158,7 +158,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         return Err(ImportError::SignalRange { low_us, high_us });
     }
     let taken = take(file, bytes, options)?;
-    let may_be_another = taken.summary.format.has_motors && options.motor.is_none();
+    let may_be_another = taken.summary.has_motors && options.motor.is_none();
     match taken.into_import(file, options) {
         Err(ImportError::ConstantCommand { command, rows, .. }) if may_be_another => {
             take_moving_motor(file, bytes, options, ImportError::ConstantCommand { file: file.into(), command, rows })

@@ -177,6 +177,7 @@ pub(super) fn take_table(
             dropped: rows.dropped,
             timing: timing(&rows.time, rows.reordered),
             pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
+            has_motors: picks.motor.is_some(),
             is_electrical: picks.speed.is_some_and(|speed| speed.unit.name.starts_with(ELECTRICAL)),
             notes,
         },
@@ -640,7 +641,7 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "plain",
     title: "tables of numbers as text, with commas, semicolons, tabs or blanks between the columns",
-    has_motors: false,
+    has_motors: true,
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,

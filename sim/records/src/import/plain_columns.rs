@@ -270,18 +270,12 @@ fn motors(plain: &PlainTable<'_>) -> Vec<usize> {
 fn wanted_motor(plain: &PlainTable<'_>, options: &ImportOptions) -> Result<Option<usize>, ImportError> {
     let motors = motors(plain);
     match options.motor {
-        None => Ok(motors.first().copied()),
-        Some(motor) if motors.contains(&motor) => Ok(Some(motor)),
-        Some(motor) => {
-            let there: Vec<String> = motors.iter().map(usize::to_string).collect();
-            let has = match there.is_empty() {
-                true => String::from("no column's name has the number of a motor"),
-                false => format!("there are columns of motors {}", there.join(", ")),
-            };
-            let remedy =
-                format!("{has}: leave --motor out, or state one that is there. The columns are {}", listed(plain));
+        Some(motor) if !motors.is_empty() && !motors.contains(&motor) => {
+            let there = motors.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            let remedy = format!("state one that is there: {there}. The columns are {}", listed(plain));
             Err(ImportError::missing(&plain.table.file, format!(": no column is of motor {motor}"), remedy))
         }
+        stated => Ok(stated.or(motors.first().copied()).filter(|_| !motors.is_empty())),
     }
 }
 

@@ -159,6 +159,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
             timing,
             pulse_widths,
             is_electrical: false,
+            has_motors: true,
             notes,
         },
         time_s,
