@@ -269,3 +269,22 @@ fn speeds_that_no_rotor_has_are_left_out_and_counted() {
     let (_, said) = refused(&glitched(&many, 300_000.0), &staircase());
     assert!(said.contains("line 202") && said.contains("more than 200000 rpm"), "{said}");
 }
+
+#[test]
+fn refusals_list_what_the_log_has() {
+    let text = table("time_s,duty (0..1),rpm,heat", ",", |row| vec![0.01 * row as f64, level(row), 5000.0, 20.0]);
+    let columns = "`time_s`, `duty (0..1)`, `rpm`, `heat`";
+    let thrust = ImportOptions { output: Some(rotorlead_records::Output::ThrustN), ..staircase() };
+    let stated = |column: &str| ImportOptions { columns: vec![column.parse().unwrap()], ..staircase() };
+    for (options, problem) in [
+        (thrust, "no column was taken as thrust_n"),
+        (stated("thrust=load:gf"), "there is no column `load`"),
+        (stated("time=rpm:s"), "no column is known to be the"),
+    ] {
+        let (_, said) = refused(&text, &options);
+        assert!(said.contains(columns) && said.contains(problem), "{said}");
+    }
+    let esc32 = "Timestamp,Duty,Speed\n2019-11-07 18:45:58:868,0,0\n";
+    let (_, said) = refused(esc32, &ImportOptions::default());
+    assert!(said.contains("`RPM` is missing") && said.contains("`Timestamp`, `Duty`, `Speed`"), "{said}");
+}
