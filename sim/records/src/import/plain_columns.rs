@@ -230,7 +230,7 @@ impl Question {
     fn answers(&self) -> String {
         match self.missing.name {
             "--column" => format!("{} in {}", self.quantity.name(), self.quantity.units()),
-            name => format!("{name}: the magnets of the motor, 14 of many"),
+            name => format!("{name}: the magnets of the motor, as 14"),
         }
     }
 
@@ -497,8 +497,13 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
         file: plain.table.file.clone(),
         problem: format!("{place}: {}", asks.join("; ")),
         remedy: format!(
-            "the columns are {}. Say which is what, and in which unit, with `{}` ({}){}",
+            "the columns are {}. Say {} with `{}` ({}){}",
             listed(plain),
+            if missing.iter().any(|option| option.name == "--column") {
+                "which is what, and in which unit,"
+            } else {
+                "it"
+            },
             missing.iter().map(ToString::to_string).collect::<Vec<_>>().join(" "),
             values.join("; "),
             questions.iter().filter_map(Question::otherwise).collect::<String>()
