@@ -24,9 +24,16 @@ const FILE: &str = "fuzzed.log";
 /// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.
 fn check(bytes: &[u8]) {
     // What a plain table does not say. A period has rows to find, and a mean.
-    let multisine =
-        ImportOptions { excitation: Some(Excitation::Multisine), period_s: Some(0.1), ..ImportOptions::default() };
-    check_with(bytes, &multisine);
+    check_with(bytes, &multisine());
+}
+
+fn multisine() -> ImportOptions {
+    ImportOptions {
+        excitation: Some(Excitation::Multisine),
+        period_s: Some(0.1),
+        motor_poles: Some(14),
+        ..ImportOptions::default()
+    }
 }
 
 /// The same where a flight is none to refuse.
@@ -57,7 +64,7 @@ fn check_with(bytes: &[u8], options: &ImportOptions) {
 
 /// An autopilot's log as one of a flight.
 fn check_free(bytes: &[u8]) {
-    check_with(bytes, &ImportOptions { excitation: Some(Excitation::Free), ..ImportOptions::default() });
+    check_with(bytes, &ImportOptions { excitation: Some(Excitation::Free), ..multisine() });
 }
 
 /// The first byte says whether the others are a log as they are or what comes behind `prefix`.
@@ -80,7 +87,15 @@ fn check_autopilot_behind(prefix: &[u8], data: &[u8]) {
 
 const RCBENCHMARK: &[u8] = "Time (s),ESC signal (µs),Motor Electrical Speed (RPM),Thrust (N)\n".as_bytes();
 const PLAIN: &[u8] = b"# logger\ntime_ms;pwm_us;thrust [g];rpm;Voltage (V)\n";
+const PLAIN_WITHOUT_TIMES: &[u8] = b"pwm_us;thrust [g];rpm\n";
 const ESC32: &[u8] = b"Timestamp,Duty,RPM\n";
+const BLACKBOX_CSV: &[u8] = b"loopIteration, time (us), vbatLatest (V), motor[0], motor[1], eRPM[0], eRPM[1]\n";
+const CRAZYFLIE: &[u8] = b"timestamp,motor.m1,motor.m2,rpm.m1,rpm.m2,pm.vbatMV\n";
+const FLIGHT_STAND: &[u8] =
+    "Time (s),Powertrain 1 - ESC throttle (μs),Powertrain 1 - force Fz (thrust) (kgf),Powertrain 1 - rotation speed \
+                             (rpm)\n"
+        .as_bytes();
+const VESC: &[u8] = b"ms_today;input_voltage;current_in;erpm;duty_cycle;\n";
 const ULOG: &[u8] = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0";
 
 /// Behind a byte that chooses: any log, or the rows of a stand's.
@@ -88,9 +103,42 @@ pub fn fuzz_import_rcbenchmark(data: &[u8]) {
     check_behind(RCBENCHMARK, data);
 }
 
-/// Behind a byte that chooses: any log, or the rows of a table with semicolons.
+/// Behind a byte that chooses: any log, or the rows of a table with semicolons; with a bit that says whether nothing says what drove the
+/// command, and one for a rate.
 pub fn fuzz_import_plain(data: &[u8]) {
-    check_behind(PLAIN, data);
+    match data {
+        [form, bytes @ ..] if form & 2 != 0 => {
+            let options = ImportOptions {
+                excitation: None,
+                rate_hz: (form & 4 != 0).then_some(100.0),
+                columns: vec!["command=pwm_us:us".parse().expect("it is one")],
+                ..multisine()
+            };
+            let header = if options.rate_hz.is_some() { PLAIN_WITHOUT_TIMES } else { PLAIN };
+            check_with(&[header, bytes].concat(), &options);
+        }
+        data => check_behind(PLAIN, data),
+    }
+}
+
+/// Behind a byte that chooses: any log, or the rows of a decoded blackbox; with a bit that says whether a flight is refused.
+pub fn fuzz_import_blackbox_csv(data: &[u8]) {
+    check_autopilot_behind(BLACKBOX_CSV, data);
+}
+
+/// Behind a byte that chooses: any log, or the rows of a Crazyflie's log variables; with a bit that says whether a flight is refused.
+pub fn fuzz_import_crazyflie(data: &[u8]) {
+    check_autopilot_behind(CRAZYFLIE, data);
+}
+
+/// Behind a byte that chooses: any log, or the rows of a stand's.
+pub fn fuzz_import_flight_stand(data: &[u8]) {
+    check_behind(FLIGHT_STAND, data);
+}
+
+/// Behind a byte that chooses: any log, or the rows of VESC Tool's.
+pub fn fuzz_import_vesc(data: &[u8]) {
+    check_behind(VESC, data);
 }
 
 /// Behind a byte that chooses: any log, or the rows of an ESC's telemetry.
@@ -176,12 +224,60 @@ pub fn import_plain_corpus() -> Vec<(&'static str, Vec<u8>)> {
     let units = format!("blue motor\n\n% 10 inch\ntime,throttle,thrust\n(s),[%],kgf\n{units}");
     let row = |k: usize| format!("{}\t{}\t{}\t\n", k / 2 * 2, k % 3, 100 + k);
     let tabs: String = (0..220).map(row).collect();
+    let row =
+        |k: usize| format!("{};{};{};{};15\n", 5 * k, if k / 3 * 37 % 5 < 2 { 1400 } else { 1500 }, 300 + k, 5000 + k);
+    let random: String = (0..220).map(row).collect();
+    let row = |k: usize| format!("{};;{}\n", 1400 + k, if k % 50 == 7 { 999_999 } else { 5000 });
+    let glitches: String = (0..220).map(row).collect();
     vec![
         ("rows", behind(1, &[rows.as_bytes()])),
         ("units", behind(0, &[units.as_bytes()])),
         ("tabs", behind(0, &[b"t_us\tduty (%)\trpm\n", tabs.as_bytes()])),
         ("shortest_rows", behind(1, &["1;1\n".repeat(600).as_bytes()])),
+        ("random", behind(2, &[random.as_bytes()])),
+        ("glitches", behind(6, &[glitches.as_bytes()])),
     ]
+}
+
+/// Rows of numbers behind `header`, and the shortest rows.
+fn table_corpus(header: &[u8], row: impl Fn(usize) -> String, shortest: &str) -> Vec<(&'static str, Vec<u8>)> {
+    let rows: String = (0..110).map(row).collect();
+    vec![
+        ("whole", behind(0, &[header, rows.as_bytes()])),
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("shortest_rows", behind(1, &[shortest.repeat(600).as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_blackbox_csv`] from: a decoded log, its rows, the shortest ones, and a flight.
+#[must_use]
+pub fn import_blackbox_csv_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{k}, {}, 16.1, {}, {}, {}, 0\n", 1000 * k, 300 + 5 * k, 48 + k * k % 90, 500 + k);
+    let mut corpus = table_corpus(BLACKBOX_CSV, row, "1,1,1,1\n");
+    let rows: String = (0..110).map(row).collect();
+    corpus.push(("flight", behind(3, &[rows.as_bytes()])));
+    corpus
+}
+
+/// Bytes to start [`fuzz_import_crazyflie`] from: a table of log variables, its rows, and the shortest ones.
+#[must_use]
+pub fn import_crazyflie_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{},{},0,{},0,3900\n", 10 * k, 20_000 + 100 * k, 9000 + k);
+    table_corpus(CRAZYFLIE, row, "1,1,1,1\n")
+}
+
+/// Bytes to start [`fuzz_import_flight_stand`] from: a stand's log, its rows, and the shortest ones.
+#[must_use]
+pub fn import_flight_stand_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{}.{:02},{},{}.5,{}\n", k / 100, k % 100, 1200 + k, k % 9, 5000 + k);
+    table_corpus(FLIGHT_STAND, row, "1,1,1\n")
+}
+
+/// Bytes to start [`fuzz_import_vesc`] from: a log with semicolons, its rows, and the shortest ones.
+#[must_use]
+pub fn import_vesc_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{};24.1;{};{};0.{:03};\n", 40_000_000 + 10 * k, k % 7, 70_000 + k, 200 + k);
+    table_corpus(VESC, row, "1;1;1;1;1\n")
 }
 
 /// Bytes to start [`fuzz_import_esc32`] from: the sample's beginning, bare rows, and stamps centuries apart.

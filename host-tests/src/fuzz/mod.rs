@@ -31,16 +31,20 @@ pub struct Fuzzer {
 const LEAST_MEMORY: usize = 4 << 20;
 
 /// Every fuzzer.
-pub const FUZZERS: [Fuzzer; 11] = [
+pub const FUZZERS: [Fuzzer; 15] = [
     fuzzer("capture", fuzz_capture, capture_corpus, None),
     fuzzer("fleet", fuzz_fleet, fleet_corpus, None),
     fuzzer("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus, Some("blackbox")),
+    fuzzer("import_blackbox_csv", fuzz_import_blackbox_csv, import_blackbox_csv_corpus, Some("blackbox_csv")),
+    fuzzer("import_crazyflie", fuzz_import_crazyflie, import_crazyflie_corpus, Some("crazyflie")),
     fuzzer("import_dataflash", fuzz_import_dataflash, import_dataflash_corpus, Some("dataflash")),
     fuzzer("import_esc32", fuzz_import_esc32, import_esc32_corpus, Some("esc32")),
+    fuzzer("import_flight_stand", fuzz_import_flight_stand, import_flight_stand_corpus, Some("flight_stand")),
     fuzzer("import_mat", fuzz_import_mat, import_mat_corpus, Some("mat")),
     fuzzer("import_plain", fuzz_import_plain, import_plain_corpus, Some("plain")),
     fuzzer("import_rcbenchmark", fuzz_import_rcbenchmark, import_rcbenchmark_corpus, Some("rc_benchmark")),
     fuzzer("import_ulog", fuzz_import_ulog, import_ulog_corpus, Some("ulog")),
+    fuzzer("import_vesc", fuzz_import_vesc, import_vesc_corpus, Some("vesc")),
     fuzzer("link", fuzz_link, link_corpus, None),
     fuzzer("settings", fuzz_settings, settings_corpus, None),
 ];

@@ -175,7 +175,7 @@ fn what_import_cannot_know_or_do_is_refused() {
         (
             format!("{log} --excitation sine --out bench"),
             2,
-            &["multisine, square, triangle, step, staircase, chirp, steady, free"],
+            &["multisine, square, triangle, step, staircase, chirp, random, steady, free"],
         ),
         (format!("{log} --column time=t:gf --out bench"), 2, &["`gf` is no unit of time: s, ms, us, ns or clock"]),
         (format!("{log} --column time=a:s --column time=b:s --out bench"), 2, &["says twice which column is the time"]),

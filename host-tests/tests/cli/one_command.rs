@@ -187,7 +187,11 @@ fn what_is_no_log_takes_no_option_of_one() {
     }
     // What a log is asked for and has not, and what goes with no log.
     stand.refuses("identify log.csv --excitation square", 2, &["--excitation square needs --period"]);
-    stand.refuses("identify log.csv --excitation step --motor 1", 2, &["it is no autopilot's log"]);
+    stand.refuses(
+        "identify log.csv --excitation step --motor 1",
+        2,
+        &["it has one motor, and no column that says which"],
+    );
     stand.refuses("identify log.csv --excitation step --response rpm", 1, &["no column was taken as rpm"]);
     stand.refuses("identify log.csv --excitation step --out log.csv", 2, &["would be read and then written over"]);
     stand.refuses("identify nowhere.csv --excitation step", 1, &["`nowhere.csv` does not exist"]);

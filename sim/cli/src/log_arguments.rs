@@ -20,13 +20,16 @@ use super::parameters::{number, range};
 use super::report_option::this_command_with;
 use rotorlead_answer::words::{remark, width, wrapped};
 
+/// Poles that a motor may have. Chosen: twice those of the largest motors of multicopters, 42 and more of which have their name from it.
+const MOST_POLES: u32 = 100;
+
 /// What is in a log, for every command that reads one.
 #[derive(Args, Debug)]
 pub struct LogArguments {
     /// What a column is, as in --column time=t:ms; once for each quantity
     ///
     /// QUANTITY is time (UNIT s, ms, us, ns or clock: hh:mm:ss), command (us, percent, dshot, duty, or whole numbers as 0..255, 0..1023,
-    /// 0..4095, 0..8191 or 0..65535), thrust (N, gf, kgf, lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA). A
+    /// 0..4095, 0..8191 or 0..65535), thrust (N, gf, kgf, lbf or ozf), rpm (rpm, rev/s, rad/s, erpm or erpm/100: electrical revolutions, with --motor-poles), voltage (V, mV) or current (A, mA). A
     /// minus before the unit turns the sign: thrust=load:-gf. Rows in which such a column is blank are left out.
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
@@ -35,7 +38,8 @@ pub struct LogArguments {
     tare: bool,
     /// What drove the command
     ///
-    /// Needed for a plain table; unless given, chirp for an autopilot's chirps and staircase for other logs. `steady`: each row is a
+    /// Needed for a plain table; unless given, chirp for an autopilot's chirps, random where the command switches at random, and staircase for
+    /// other logs. `steady`: each row is a
     /// steady point of its own, as in a table of averages.
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
@@ -55,7 +59,13 @@ pub struct LogArguments {
     /// the log's own parameters say
     #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
-    /// Which motor to take of an autopilot's log, from 1; unless given the first, or the one of a chirp that says no motor
+    /// How many poles the motor has, which a speed in electrical revolutions needs: the magnets of its rotor
+    #[arg(long, value_name = "N", value_parser = poles)]
+    motor_poles: Option<u32>,
+    /// How many rows a second a table without times has, evenly spaced
+    #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_negative_numbers = true)]
+    rate: Option<f64>,
+    /// Which motor to take of a log of several, from 1; unless given the first, or the one of a chirp that says no motor
     #[arg(long, value_name = "N")]
     motor: Option<usize>,
     /// Which log to take of an autopilot's file that has several, or which chirp, from 1; the longest unless given
@@ -78,6 +88,8 @@ impl LogArguments {
         ImportOptions {
             esc_signal_us: self.pulse_us,
             motor: self.motor,
+            motor_poles: self.motor_poles,
+            rate_hz: self.rate,
             log: self.log,
             columns: self.column.clone(),
             tare: self.tare,
@@ -124,6 +136,8 @@ impl LogArguments {
             (self.seconds.is_some(), "--seconds"),
             (self.pulse_us.is_some(), "--pulse-us"),
             (self.motor.is_some(), "--motor"),
+            (self.motor_poles.is_some(), "--motor-poles"),
+            (self.rate.is_some(), "--rate"),
             (self.log.is_some(), "--log"),
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map_or(Ok(()), |(_, option)| {
@@ -171,8 +185,8 @@ impl LogArguments {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());
             Err(UsageError::new(message, format!("leave {option} out")))
         };
-        if self.motor.is_some() && !format.has_motors {
-            return refuse("--motor", "it is no autopilot's log");
+        if self.motor.is_some() && !log.has_motors {
+            return refuse("--motor", "it has one motor, and no column that says which");
         }
         if self.log.is_some() && !format.has_several_logs {
             return refuse("--log", "it is of a format that has one log in a file");
@@ -182,6 +196,12 @@ impl LogArguments {
         }
         if !self.column.is_empty() && !format.has_stated_columns {
             return refuse("--column", "it is no table of text");
+        }
+        if self.rate.is_some() && !format.has_stated_columns {
+            return refuse("--rate", "its rows have times");
+        }
+        if self.motor_poles.is_some() && !log.is_electrical {
+            return refuse("--motor-poles", "its speed is the rotor's already");
         }
         Ok(())
     }
@@ -221,10 +241,10 @@ fn with_next_command(error: ImportError) -> miette::Report {
         return error.into();
     }
     let help = next_command(&error.help().map(|help| help.to_string()).unwrap_or_default(), &missing);
-    match error {
-        ImportError::UnclearColumns { .. } => miette!(help = help, "{error}"),
-        error => UsageError::new(error.to_string(), help).into(),
+    if missing.iter().any(|option| option.name == "--column") {
+        return miette!(help = help, "{error}");
     }
+    UsageError::new(error.to_string(), help).into()
 }
 
 /// The error of a log whose excitation is another, with the command line that says so.
@@ -317,6 +337,12 @@ fn describe(summary: &ImportSummary) -> String {
     };
     say(format!("\n{}", columns.text().trim_end()));
     text
+}
+
+/// A number of magnets, of which each second one is a north pole.
+fn poles(text: &str) -> Result<u32, String> {
+    let poles = text.parse().ok().filter(|poles: &u32| (2..=MOST_POLES).contains(poles) && poles.is_multiple_of(2));
+    poles.ok_or_else(|| format!("`{text}` is no number of poles: even, from 2 to {MOST_POLES}"))
 }
 
 /// [`range`] of seconds after a first row.

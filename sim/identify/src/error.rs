@@ -204,7 +204,7 @@ pub enum IdentifyError {
         reason: &'static str,
     },
     /// No record of a kind from which lags are identified.
-    #[error("{experiment}: no record of `excitation` multisine, step, staircase or chirp that may be fitted")]
+    #[error("{experiment}: no record of `excitation` multisine, step, staircase, chirp or random that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
     ))]
@@ -216,7 +216,7 @@ pub enum IdentifyError {
     #[error("{experiment}: {files} {verb} `free`, which does not say what was played")]
     #[diagnostic(help(
         "in its [[record]] of experiment.toml say what was: excitation = \"multisine\" or \"square\" with period_s in \
-         seconds, excitation = \"step\" or \"staircase\""
+         seconds, excitation = \"step\", \"staircase\", \"chirp\" or \"random\""
     ))]
     Free {
         /// The experiment's name.
@@ -225,6 +225,28 @@ pub enum IdentifyError {
         files: String,
         /// "is" or "are".
         verb: &'static str,
+    },
+    /// A random command that is said to be something else.
+    #[error("{file}: no level is held for long enough that a motor settles, and the command switches at random")]
+    #[diagnostic(help(
+        "say so with excitation = \"random\" in its [[record]] of experiment.toml, or `--excitation random` with a log: it is then fitted \
+         in the frequency domain; for a fit of steps hold each level for a second or longer"
+    ))]
+    RandomCommand {
+        /// The record.
+        file: String,
+    },
+    /// A ramp, which says nothing of a lag.
+    #[error(
+        "{file}: the command is a ramp: behind one, a lag and a dead time look alike, since each only shifts the response, and what tells \
+         them apart is over as soon as the ramp has begun"
+    )]
+    #[diagnostic(help(
+        "play steps, a multisine or a chirp (`rotorlead excite`); of a slow ramp `--excitation steady` takes the rows as points of a static map"
+    ))]
+    RampCommand {
+        /// The record.
+        file: String,
     },
     /// Several records of steps, of which one is fitted.
     #[error("{experiment}: {count} step or staircase records without a role, and one model")]
@@ -363,9 +385,12 @@ impl IdentifyError {
             Self::Steps(StepsError::NoUsableStep { .. } | StepsError::BelowZero { .. }) => {
                 (Topic::Identification, &[Topic::Sign])
             }
-            Self::NoRecord { .. } | Self::Free { .. } | Self::SeveralSteps { .. } | Self::NoFitRecord { .. } => {
-                (Topic::Roles, &[])
-            }
+            Self::NoRecord { .. }
+            | Self::Free { .. }
+            | Self::RandomCommand { .. }
+            | Self::RampCommand { .. }
+            | Self::SeveralSteps { .. }
+            | Self::NoFitRecord { .. } => (Topic::Roles, &[]),
             _ => (Topic::Identification, &[]),
         }
     }

@@ -2,14 +2,14 @@
 
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::{Model, Provenance};
-use rotorlead_records::{Excitation, Experiment, Finding, Record, Role, Severity, Topic};
+use rotorlead_records::{CommandShape, Excitation, Experiment, Finding, Record, Role, Severity, Topic};
 
 use crate::error::IdentifyError;
 use crate::flight::{FlightIdentification, identify_flights, is_flight_to_fit};
 use crate::lag::chirp::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
 use crate::lag::first_order::FirstOrderOptions;
 use crate::lag::multisine::{IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic};
-use crate::lag::steps::{StaircaseFit, fit_staircase};
+use crate::lag::steps::{StaircaseFit, StepsError, fit_staircase};
 use crate::spectra::Spectrum;
 use crate::stand::StandModel;
 use crate::static_map::{StaticMapError, StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
@@ -149,7 +149,7 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
     } else if !has_steps && experiment.records.iter().any(is_flight_to_fit) {
         from_flights(experiment)?
     } else {
-        from_steps(experiment, options)?
+        from_steps(experiment, options).map_err(|error| with_shape(experiment, error))?
     };
     match (identification.add_static_map(experiment), &identification.lags) {
         (Err(reason), Lags::None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone(), reason }),
@@ -347,6 +347,19 @@ pub fn step_record(experiment: &Experiment) -> Result<&Record, IdentifyError> {
     }
 }
 
+/// The true reason where no step carries a lag, or nothing says what was played, and the command shows what it is.
+fn with_shape(experiment: &Experiment, error: IdentifyError) -> IdentifyError {
+    let is_unclear =
+        matches!(error, IdentifyError::Steps(StepsError::NoUsableStep { .. }) | IdentifyError::Free { .. });
+    let records = experiment.records.iter().filter(|record| may_fit(record) && !record.compensated);
+    let shape = |record: &Record| record.command_shape().map(|shape| (record.file.clone(), shape));
+    match records.filter(|_| is_unclear).find_map(shape) {
+        Some((file, CommandShape::Random)) => IdentifyError::RandomCommand { file },
+        Some((file, CommandShape::Ramp)) => IdentifyError::RampCommand { file },
+        None => error,
+    }
+}
+
 /// Why there is no record to fit: those that do not say what was played are named.
 fn nothing_to_fit(experiment: &Experiment) -> IdentifyError {
     let free = experiment.records.iter().filter(|record| record.excitation == Excitation::Free);
@@ -374,6 +387,7 @@ fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<Finding> {
             Excitation::Triangle => ("a triangle", ""),
             Excitation::Chirp => ("a chirp", ""),
             Excitation::Flight => ("a flight", ""),
+            Excitation::Random => ("a random command", ""),
             Excitation::Free => ("`free`", ""),
         };
         Some(Finding {

@@ -36,7 +36,7 @@ impl CommandLog {
 
     /// Whether such a command holds from one change to the next.
     pub(super) fn holds(excitation: Excitation) -> bool {
-        !excitation.is_periodic() && excitation != Excitation::Chirp
+        !excitation.is_periodic() && !excitation.is_broadband()
     }
 
     /// The entry that brought the command which is in force at `at_s`; the first where it has not changed before.

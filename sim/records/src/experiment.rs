@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::CommandLog;
+use super::{CommandLog, CommandShape};
 
 /// Nominal commands closer than this are one. Chosen: above the rounding of decimals, far below a 12-bit command's step of 2.4e-4.
 pub const SAME_NOMINAL: f64 = 1e-6;
@@ -68,6 +68,9 @@ pub enum Excitation {
     Staircase,
     /// A sine of changing frequency.
     Chirp,
+    /// A random or pseudo-random command: of two levels, or of more.
+    #[serde(alias = "prbs")]
+    Random,
     /// A table of steady operating points, one in each row, in the order in which they were measured. Where the points have no
     /// times they are numbered, so that a row's time says nothing of a lag.
     Steady,
@@ -79,13 +82,14 @@ pub enum Excitation {
 
 impl Excitation {
     /// Every one.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Multisine,
         Self::Square,
         Self::Triangle,
         Self::Step,
         Self::Staircase,
         Self::Chirp,
+        Self::Random,
         Self::Steady,
         Self::Flight,
         Self::Free,
@@ -95,6 +99,12 @@ impl Excitation {
     #[must_use]
     pub fn is_periodic(self) -> bool {
         matches!(self, Self::Multisine | Self::Square | Self::Triangle)
+    }
+
+    /// Whether it moves over a band of frequencies all the time, without repeating.
+    #[must_use]
+    pub fn is_broadband(self) -> bool {
+        matches!(self, Self::Chirp | Self::Random)
     }
 
     /// What files and tables call it.
@@ -107,6 +117,7 @@ impl Excitation {
             Self::Step => "step",
             Self::Staircase => "staircase",
             Self::Chirp => "chirp",
+            Self::Random => "random",
             Self::Steady => "steady",
             Self::Flight => "flight",
             Self::Free => "free",
@@ -192,6 +203,15 @@ impl Record {
         match output {
             Output::ThrustN => self.thrust_n.as_deref(),
             Output::Rpm => self.rpm.as_deref(),
+        }
+    }
+
+    /// What its command looks like, whatever it is said to be.
+    #[must_use]
+    pub fn command_shape(&self) -> Option<CommandShape> {
+        match &self.command_log {
+            Some(log) => CommandShape::from_command(&log.time_s, &log.command),
+            None => CommandShape::from_command(&self.time_s, &self.command),
         }
     }
 

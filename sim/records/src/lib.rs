@@ -8,6 +8,7 @@ mod append;
 mod clock;
 mod column;
 mod command_log;
+mod command_shape;
 mod error;
 mod experiment;
 pub mod files;
@@ -32,6 +33,7 @@ mod tests;
 
 pub use clock::SLOWEST_ROWS_S;
 pub use command_log::CommandLog;
+pub use command_shape::CommandShape;
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, NOMINAL_TOLERANCE, Output, Record, Role, SAME_NOMINAL, Setpoints};
 pub use finding::{Finding, Severity, Topic};

@@ -254,9 +254,11 @@ fn place(part: &Location) -> String {
         Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
         Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
         Axis::Harmonics => "odd lines".to_owned(),
-        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free", "steady"]
-            .get((low as usize).saturating_sub(1))
-            .map_or_else(String::new, |name| (*name).to_owned()),
+        Axis::Excitation => {
+            ["multisine", "square", "triangle", "step", "staircase", "chirp", "free", "steady", "random"]
+                .get((low as usize).saturating_sub(1))
+                .map_or_else(String::new, |name| (*name).to_owned())
+        }
     };
     format!("{where_it_is}: {:.0}", 100.0 * part.share)
 }

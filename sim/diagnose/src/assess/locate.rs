@@ -169,6 +169,7 @@ fn excitation_number(excitation: Excitation) -> f64 {
         Excitation::Free => 7.0,
         Excitation::Steady => 8.0,
         Excitation::Flight => 9.0,
+        Excitation::Random => 10.0,
     }
 }
 

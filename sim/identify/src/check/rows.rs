@@ -119,7 +119,7 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
     let gaps = match record.excitation {
         // Steps are fitted around gaps, and the fit says what they cost.
         Excitation::Step | Excitation::Staircase => Vec::new(),
-        Excitation::Chirp => even::gaps(&record.time_s),
+        Excitation::Chirp | Excitation::Random => even::gaps(&record.time_s),
         _ => rows_after_gaps(&record.time_s),
     };
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {

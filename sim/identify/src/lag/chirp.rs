@@ -1,17 +1,17 @@
-//! Identification from chirps: one first-order lag per nominal command.
+//! Identification from chirps and random commands: one first-order lag per nominal command.
 //!
-//! A chirp does not repeat, and a motor has not settled when it begins. The local polynomial method
+//! Neither repeats, and a motor has not settled when it begins. The local polynomial method
 //! ([`LocalPolynomial`]) takes both into account and gives a frequency response with its noise; the lag is fitted to that
 //! ([`fit_first_order`]) as it is to the lines of a multisine. One line per window of the method is taken: those of one
 //! window share their noise, and the fit takes lines for independent.
 //!
 //! What does not repeat cannot be tested for a controller that acts on the response, so only records whose command is
-//! known to be played are taken: a chirp, and not a `free` record.
+//! known to be played are taken: a chirp or a random one, and not a `free` record.
 //!
 //! Rows need not be even: `rows::even`.
 
 use rotorlead_numerics::sample::median;
-use rotorlead_records::{Excitation, Experiment, Record, Role, SAME_NOMINAL};
+use rotorlead_records::{Experiment, Record, Role, SAME_NOMINAL};
 
 use crate::error::IdentifyError;
 use crate::frequency_response::hold::HoldChain;
@@ -61,10 +61,10 @@ pub struct ChirpResponse {
     pub coherence: Vec<f64>,
 }
 
-/// Whether a lag can be fitted to a record as to a chirp.
+/// Whether a lag can be fitted to a record as to a chirp: one of a random command too.
 #[must_use]
 pub fn is_chirp_to_fit(record: &Record) -> bool {
-    record.excitation == Excitation::Chirp && record.role != Some(Role::Validate) && !record.compensated
+    record.excitation.is_broadband() && record.role != Some(Role::Validate) && !record.compensated
 }
 
 /// Identifies a first-order lag at every nominal command of `experiment` that has a chirp without a compensator, roles of

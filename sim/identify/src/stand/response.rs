@@ -20,7 +20,10 @@ pub(super) struct StandResponse {
 pub(super) fn measure(experiment: &Experiment, band_hz: (f64, f64)) -> Result<StandResponse, IdentifyError> {
     let usable = |record: &&Record| {
         record.role != Some(Role::Validate)
-            && matches!(record.excitation, Excitation::Free | Excitation::Chirp | Excitation::Multisine)
+            && matches!(
+                record.excitation,
+                Excitation::Free | Excitation::Chirp | Excitation::Random | Excitation::Multisine
+            )
     };
     let records: Vec<&Record> = experiment.records.iter().filter(usable).collect();
     let first = *records.first().ok_or_else(|| StandError::NoRecord { name: experiment.name.clone() })?;

@@ -40,7 +40,7 @@ impl Judge<'_> {
         let record = self.record;
         let score = match record.excitation {
             Excitation::Multisine => self.in_frequency()?,
-            Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
+            Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp | Excitation::Random => {
                 self.around_nominal()?
             }
             Excitation::Staircase | Excitation::Steady | Excitation::Flight | Excitation::Free => self.over_range()?,

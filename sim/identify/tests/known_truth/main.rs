@@ -10,6 +10,7 @@ mod holds;
 mod hum;
 mod own_stamps;
 mod plausibility;
+mod random_commands;
 mod stand;
 mod static_map;
 mod steps;

@@ -230,9 +230,11 @@ impl<'a> Shape<'a> {
                 let hold_rows = keys.hold(levels.len())?;
                 Ok(Self::Staircase { levels, hold_rows })
             }
-            Excitation::Chirp | Excitation::Steady | Excitation::Flight | Excitation::Free => Err(place
-                .key("excitation")
-                .fault("the bench does not play this", "use multisine, square, triangle, step or staircase")),
+            Excitation::Chirp | Excitation::Random | Excitation::Steady | Excitation::Flight | Excitation::Free => {
+                Err(place
+                    .key("excitation")
+                    .fault("the bench does not play this", "use multisine, square, triangle, step or staircase"))
+            }
         }
     }
 }

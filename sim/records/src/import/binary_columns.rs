@@ -19,14 +19,13 @@ pub(super) fn normalized(
 ) -> Result<Vec<f64>, ImportError> {
     for (value, &row) in values.iter_mut().zip(rows) {
         if !(low..=high).contains(value) {
-            return Err(ImportError::SampleOutOfRange {
-                file: file.into(),
-                name: name.into(),
-                number: row + 1,
-                value: *value,
-                low,
-                high,
-            });
+            return Err(ImportError::value(
+                file,
+                format!("`{name}`, sample {}", row + 1),
+                format!("{} is outside {low}..{high}", shown(*value)),
+                "state the ESC's range where the command is a pulse width; a vector's unit is taken from its name: `command` is \
+                 0..1, `command_percent` 0..100, `command_us` a pulse width",
+            ));
         }
         *value = (*value - low) / (high - low);
     }
@@ -44,23 +43,22 @@ pub(super) fn zero_based_stamps(
     let origin = time_s.first().copied().unwrap_or(0.0);
     time_s.iter_mut().for_each(|t| *t -= origin);
     if let Some(at) = time_s.windows(2).position(|w| w[1] <= w[0]) {
-        return Err(ImportError::Sample {
-            file: file.into(),
-            name: name.into(),
-            number: rows[at + 1] + 1,
-            value: time_s[at + 1] + origin,
-            problem: "time does not increase",
-        });
+        return Err(ImportError::value(
+            file,
+            format!("`{name}`, sample {}", rows[at + 1] + 1),
+            format!("{}: time does not increase", shown(time_s[at + 1] + origin)),
+            "cut the log there and import the parts one by one, or correct the sample",
+        ));
     }
     let span = time_s.last().copied().unwrap_or(0.0);
     let interval = span / (time_s.len() - 1) as f64;
     if interval.recip() > AcceptedRange::SAMPLE_RATE_HZ.greatest {
-        return Err(ImportError::Variable {
-            file: file.into(),
-            name: name.into(),
-            problem: format!("rows come every {} s, faster than any logger writes them", shown(interval)),
-            remedy: String::from("give the times in seconds, as they were stamped"),
-        });
+        return Err(ImportError::value(
+            file,
+            format!("variable `{name}`"),
+            format!("rows come every {} s, faster than any logger writes them", shown(interval)),
+            "give the times in seconds, as they were stamped",
+        ));
     }
     let even = |(k, &t): (usize, &f64)| (t - k as f64 * interval).abs() <= EVEN_WITHIN_INTERVALS * interval;
     let is_even = time_s.iter().enumerate().all(even);

@@ -3,7 +3,9 @@
 //! - The command is `motor[]`. With DSHOT its numbers 48 to 2047 are the ESC's whole range (0 stops the motor, 1 to 47 are
 //!   orders); otherwise it is a pulse width. `motorOutput` is no range of the ESC: it is where Betaflight idles.
 //! - The response is `eRPM[]` (Betaflight 4.5 and later) in hundreds of electrical revolutions per minute:
-//!   `rpm = 100 eRPM / (motor_poles / 2)`.
+//!   `rpm = 100 eRPM / (motor_poles / 2)`. Logs of Betaflight 4.1 to 4.4 have the same in `debug[]` where `debug_mode` was
+//!   `DSHOT_RPM_TELEMETRY`, for the first four motors. The headers have the mode as its place in `debugType_e` of Betaflight's
+//!   `src/main/build/debug.h`: 45 in all of these versions, and in 2025.12.
 //! - A file holds a log per flight. The longest is taken unless another is asked for.
 
 use std::path::Path;
@@ -11,6 +13,7 @@ use std::path::Path;
 use super::binary_columns::{normalized, zero_based_stamps};
 use super::blackbox_frames::{self, BlackboxLog, Rows};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
+use super::missing::MissingOption;
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
@@ -20,6 +23,10 @@ use crate::experiment::{Excitation, Output, Setpoints};
 const FEATURE_3D: i64 = 1 << 12;
 /// Motors of a log.
 const MOST_MOTORS: usize = 8;
+/// `DSHOT_RPM_TELEMETRY` among the debug modes, from version 4.1 on. Standard: `debugType_e`.
+const DEBUG_RPM_TELEMETRY: &str = "45";
+/// The first version whose debug modes are so numbered.
+const DEBUG_SINCE: (u32, u32) = (4, 1);
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
 /// Throttle in a unit of `setpoint[3]`. Standard: the mixer's throttle times 1000 (Betaflight, `blackbox.c`).
@@ -40,20 +47,27 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
     let damaged = |at: usize, problem| ImportError::Damaged { file: file.into(), offset: offset + at, problem };
     let log = BlackboxLog::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
     let number_of_motor = options.motor.unwrap_or(1);
-    let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
-        file: file.into(),
-        signal,
-        known: known.into(),
-        motor: number_of_motor,
-    };
+    let missing =
+        |signal: &str, known: &str| ImportError::missing_signal(file, signal, number_of_motor, known, &log.names);
     check_firmware(file, &log)?;
     let motor = number_of_motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
-    let (command_name, speed_name) = (format!("motor[{motor}]"), format!("eRPM[{motor}]"));
+    let command_name = format!("motor[{motor}]");
+    let names = [format!("eRPM[{motor}]"), format!("debug[{motor}]")];
+    let place = usize::from(log.field(&names[0]).is_none() && has_speed_in_debug(&log));
+    let speed_name = &names[place];
     let command = log.field(&command_name).ok_or_else(|| missing("command", "the field `motor[]`"))?;
-    let speed = log.field(&speed_name).ok_or_else(|| {
-        missing("rpm", "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT")
+    let speed = log.field(speed_name).ok_or_else(|| {
+        let known = format!(
+            "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT, or `debug[]` of version 4.1 on with \
+             debug_mode DSHOT_RPM_TELEMETRY ({DEBUG_RPM_TELEMETRY}); this one has debug_mode {}",
+            log.header("debug_mode").unwrap_or("none")
+        );
+        missing("rpm", &known)
     })?;
-    let poles = poles(file, &log)?;
+    let poles = poles(file, &log, options, &mut notes)?;
+    if place == 1 {
+        notes.push(format!("the speed is `{speed_name}`: debug_mode {DEBUG_RPM_TELEMETRY} is DSHOT_RPM_TELEMETRY"));
+    }
     let (range, pulse_widths) = match dshot(file, &log)? {
         true => (DSHOT, false),
         false => (options.pulse_range(), true),
@@ -102,7 +116,9 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         let (taken_as, note) = match *name {
             "time" => (Some("time_s"), String::from("microseconds, from the first row taken")),
             name if name == command_name => (Some("command"), format!("{}..{} become 0..1", range.0, range.1)),
-            name if name == speed_name => (Some("rpm"), format!("times 100, by {} pairs of poles", poles / 2.0)),
+            name if name == speed_name.as_str() => {
+                (Some("rpm"), format!("times 100, by {} pairs of poles", poles / 2.0))
+            }
             "vbatLatest" if voltage_v.is_some() => (Some("voltage_v"), format!("times {VOLTS}")),
             "vbatLatest" => (None, String::from("zero throughout")),
             "amperageLatest" => (None, String::from("the current of all motors")),
@@ -128,6 +144,8 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
             dropped: taken.dropped,
             timing,
             pulse_widths,
+            is_electrical: true,
+            has_motors: true,
             notes,
         },
         time_s,
@@ -167,7 +185,7 @@ fn refuse_flight(
 fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<String>) -> Result<usize, ImportError> {
     if let Some(log) = options.log {
         let place = log.checked_sub(1).filter(|&place| place < logs.len());
-        return place.ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: logs.len() });
+        return place.ok_or_else(|| ImportError::no_such_log(file, log, logs.len()));
     }
     let longest = logs.iter().map(|log| log.len()).max();
     let place = logs.iter().position(|log| Some(log.len()) == longest).unwrap_or(0);
@@ -188,6 +206,11 @@ fn loop_rate_hz(log: &BlackboxLog<'_>) -> Option<f64> {
     Some(1e6 / (number("looptime")? * number("pid_process_denom")?))
 }
 
+/// A header that does not say what a number of the log means, or says what cannot be taken.
+fn bad_header(file: &Path, header: &str, problem: String, remedy: &str) -> ImportError {
+    ImportError::value(file, format!("header `{header}`"), problem, remedy)
+}
+
 /// Others write the same container with other units.
 fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError> {
     let header = "Firmware revision";
@@ -195,22 +218,39 @@ fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError>
     if firmware.starts_with("Betaflight ") {
         return Ok(());
     }
-    Err(ImportError::Header {
-        file: file.into(),
-        header,
-        problem: format!("`{}` is not Betaflight", firmware.chars().take(40).collect::<String>()),
-        remedy: "the units of other firmware are not known here: export the log as a table and write an experiment folder",
-    })
+    let problem = format!("`{}` is not Betaflight", firmware.chars().take(40).collect::<String>());
+    let remedy =
+        "the units of other firmware are not known here: export the log as a table and write an experiment folder";
+    Err(bad_header(file, header, problem, remedy))
 }
 
-fn poles(file: &Path, log: &BlackboxLog<'_>) -> Result<f64, ImportError> {
+/// Whether `debug[]` has the motors' speeds.
+fn has_speed_in_debug(log: &BlackboxLog<'_>) -> bool {
+    let firmware = log.header("Firmware revision").unwrap_or_default();
+    let mut numbers = firmware.split(' ').nth(1).unwrap_or_default().split('.').map_while(|part| part.parse().ok());
+    let version: Option<(u32, u32)> = numbers.next().zip(numbers.next());
+    version.is_some_and(|version| version >= DEBUG_SINCE) && log.header("debug_mode") == Some(DEBUG_RPM_TELEMETRY)
+}
+
+/// How many poles the motor has: as stated, or as the log says.
+fn poles(
+    file: &Path,
+    log: &BlackboxLog<'_>,
+    options: &ImportOptions,
+    notes: &mut Vec<String>,
+) -> Result<f64, ImportError> {
     let header = "motor_poles";
-    let poles = log.header(header).and_then(|text| text.parse().ok());
-    poles.filter(|poles: &u8| *poles >= 2).map(f64::from).ok_or_else(|| ImportError::Header {
+    let logged = log.header(header).and_then(|text| text.parse().ok()).filter(|poles: &u32| *poles >= 2);
+    if let (Some(stated), Some(logged)) = (options.motor_poles, logged)
+        && stated != logged
+    {
+        notes.push(format!("{stated} poles, as stated; the log says {logged}, and gains would be off by their ratio"));
+    }
+    options.motor_poles.or(logged).map(f64::from).ok_or_else(|| ImportError::Unstated {
         file: file.into(),
-        header,
-        problem: String::from("no number of poles"),
-        remedy: "without it electrical speed is no speed: log with a Betaflight that writes it",
+        problem: format!(", header `{header}`: no number of poles"),
+        remedy: format!("state it with {}: without it electrical speed is no speed", MissingOption::motor_poles()),
+        missing: vec![MissingOption::motor_poles()],
     })
 }
 
@@ -218,23 +258,18 @@ fn poles(file: &Path, log: &BlackboxLog<'_>) -> Result<f64, ImportError> {
 fn dshot(file: &Path, log: &BlackboxLog<'_>) -> Result<bool, ImportError> {
     let features = log.header("features").and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
     if features & FEATURE_3D != 0 {
-        return Err(ImportError::Header {
-            file: file.into(),
-            header: "features",
-            problem: String::from("the motors turn both ways (3D)"),
-            remedy: "log with 3D switched off: half of the ESC's range is the other direction",
-        });
+        let problem = String::from("the motors turn both ways (3D)");
+        let remedy = "log with 3D switched off: half of the ESC's range is the other direction";
+        return Err(bad_header(file, "features", problem, remedy));
     }
     let header = "motor_pwm_protocol";
     match log.header(header).and_then(|text| text.parse::<u8>().ok()) {
         Some(5..=8) => Ok(true),
         Some(0..=3) => Ok(false),
-        _ => Err(ImportError::Header {
-            file: file.into(),
-            header,
-            problem: String::from("neither DSHOT nor pulses"),
-            remedy: "known are 0 to 3 (PWM, OneShot, MultiShot) and 5 to 8 (DSHOT, ProShot)",
-        }),
+        _ => {
+            let remedy = "known are 0 to 3 (PWM, OneShot, MultiShot) and 5 to 8 (DSHOT, ProShot)";
+            Err(bad_header(file, header, String::from("neither DSHOT nor pulses"), remedy))
+        }
     }
 }
 

@@ -84,7 +84,7 @@ fn chirp(
         Some(log) => log
             .checked_sub(1)
             .filter(|&place| place < chirps.len())
-            .ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: chirps.len() })?,
+            .ok_or_else(|| ImportError::no_such_log(file, log, chirps.len()))?,
         None => chirps.iter().position(|chirp| Some(chirp.len()) == longest).unwrap_or(0),
     };
     if chirps.len() > 1 && options.log.is_none() {
@@ -128,6 +128,8 @@ fn chirp(
         dropped: dropped.map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }).collect(),
         timing,
         pulse_widths: true,
+        is_electrical: false,
+        has_motors: true,
         notes,
     };
     let usual = Some(Excitation::Chirp);
@@ -139,10 +141,11 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     let number = options.motor.unwrap_or(1);
     let missing = |signal: &'static str, known: &str| {
         let known = format!("{known}; or `ECRP`, which the actuator chirp applet writes");
-        ImportError::MissingTopic { file: file.into(), signal, known, motor: number }
+        let has: Vec<&str> = log.logged().map(|messages| messages.name).collect();
+        ImportError::missing_signal(file, signal, number, &known, &has)
     };
     if let Some(log) = options.log {
-        return Err(ImportError::NoSuchLog { file: file.into(), log, logs: 0 });
+        return Err(ImportError::no_such_log(file, log, 0));
     }
     let mut notes = Vec::new();
     let outputs = log.messages(OUTPUTS).ok_or_else(|| missing("command", "`RCOU`"))?;
@@ -225,6 +228,8 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
         dropped: held.dropped,
         timing,
         pulse_widths: true,
+        is_electrical: false,
+        has_motors: true,
         notes,
     };
     Ok(Taken {
@@ -323,7 +328,7 @@ fn pulse_range(
             return Ok((low, high));
         }
     }
-    Err(ImportError::NoPulseRange { file: file.into() })
+    Err(ImportError::no_pulse_range(file))
 }
 
 /// How old the ESC's reports are: where rows repeat them by the rows, else, where the autopilot draws lines between them, by the log
@@ -375,11 +380,7 @@ fn check_count(file: &Path, rows: usize) -> Result<(), ImportError> {
 
 /// A field of all messages.
 fn read_column(file: &Path, messages: &Messages<'_>, label: &str) -> Result<Vec<f64>, ImportError> {
-    let fault = |problem: &str| ImportError::Vector {
-        file: file.into(),
-        name: format!("{}.{label}", messages.name),
-        problem: problem.into(),
-    };
+    let fault = |problem: &str| ImportError::vector(file, &format!("{}.{label}", messages.name), problem);
     let place = messages.place(label).ok_or_else(|| fault("the message has no such field"))?;
     let values: Option<Vec<f64>> = messages.rows.iter().map(|row| place.read(row)).collect();
     values.ok_or_else(|| fault("no number, or a message that is shorter than its format"))

@@ -1,6 +1,7 @@
 //! What a log does not say of itself: the part of it that is one record, and what drove the command in it.
 
 use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, MIN_STEADY_POINTS, Taken};
+use crate::CommandShape;
 use crate::experiment::Excitation;
 
 /// Commands are distinguished to this: a microsecond of a pulse width from 1000 to 2000.
@@ -34,8 +35,12 @@ impl Taken {
         let least = if self.usual == Some(Excitation::Steady) { MIN_STEADY_POINTS } else { MIN_ROWS };
         if end - first < least {
             let lasts_s = self.time_s.last().copied().unwrap_or(0.0);
-            let file = self.summary.file.clone();
-            return Err(ImportError::OutsideLog { file, from_s, to_s, rows: end - first, lasts_s });
+            let rows = end - first;
+            return Err(ImportError::missing(
+                &self.summary.file,
+                format!(": {rows} row(s) from {from_s} to {to_s} s; the log ends {lasts_s:.1} s behind its first row"),
+                "give --seconds a part that lies in the log; they are counted from its first row",
+            ));
         }
         let columns = [&mut self.time_s, &mut self.command].into_iter();
         let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
@@ -65,7 +70,14 @@ impl Taken {
         if high <= low {
             return Err(ImportError::ConstantCommand { file: file(), command: high, rows: self.command.len() });
         }
-        let excitation = options.excitation.or(self.usual).ok_or_else(|| ImportError::NoExcitation { file: file() })?;
+        let shape = self.shape().filter(|_| options.excitation.is_none());
+        let seen = match shape {
+            Some(CommandShape::Random) => Some(Excitation::Random),
+            Some(CommandShape::Ramp) => Some(Excitation::Free),
+            None => None,
+        };
+        let excitation = options.excitation.or(seen).or(self.usual);
+        let excitation = excitation.ok_or_else(|| ImportError::no_excitation(&self.summary.file))?;
         let period_s = options.period_s.filter(|_| excitation.is_periodic());
         let (found, how) = self.nominal(excitation, period_s, (low, high));
         let (nominal, how) = options.nominal.map_or((found, how), |nominal| (nominal, String::from("as stated")));
@@ -76,11 +88,31 @@ impl Taken {
         let found = Some((found * DIGITS).round() / DIGITS).filter(|rounded| *rounded > 0.0).unwrap_or(found);
         let (amplitude, extent) = options.amplitude.map_or((found, extent), |amplitude| (amplitude, "as stated"));
         let period = period_s.map(|period_s| format!(" with a period of {period_s} s")).unwrap_or_default();
-        let note =
-            format!("{}{period}, nominal {nominal:.3} ({how}), amplitude {amplitude:.3} ({extent})", excitation.name());
-        let is_usual = options.excitation.is_none() && options.nominal.is_none() && options.amplitude.is_none();
+        let seen = match shape {
+            Some(CommandShape::Random) => ", as its switching shows",
+            Some(CommandShape::Ramp) => ": the command is a ramp, behind which no lag is told from a dead time",
+            None => "",
+        };
+        let note = format!(
+            "{}{seen}{period}, nominal {nominal:.3} ({how}), amplitude {amplitude:.3} ({extent})",
+            excitation.name()
+        );
+        let is_usual =
+            options.excitation.is_none() && shape.is_none() && options.nominal.is_none() && options.amplitude.is_none();
         let amplitude = Some(amplitude);
         Ok(Described { excitation, period_s, nominal, amplitude, note: (!is_usual).then_some(note) })
+    }
+
+    /// What the command looks like, where nothing else says what it is: a format whose logs are of chirps or steady points does.
+    fn shape(&self) -> Option<CommandShape> {
+        if !matches!(self.usual, None | Some(Excitation::Staircase)) {
+            return None;
+        }
+        if self.own_command.is_empty() {
+            return CommandShape::from_command(&self.time_s, &self.command);
+        }
+        let (time_s, command): (Vec<f64>, Vec<f64>) = self.own_command.iter().copied().unzip();
+        CommandShape::from_command(&time_s, &command)
     }
 
     /// What is stated of a command that is in another log.

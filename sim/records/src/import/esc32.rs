@@ -38,7 +38,13 @@ pub(super) fn table<'a>(file: &Path, text: &'a str) -> Option<Table<'a>> {
 fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     let mut columns = ColumnList::new(table, &[]);
     let need = |name: &str| {
-        table.find(name).ok_or_else(|| ImportError::MissingColumn { file: table.file.clone(), column: name.into() })
+        table.find(name).ok_or_else(|| {
+            let remedy = format!(
+                "record the log again with this column switched on, or say with --column which is what; the columns are `{}`",
+                table.header.join("`, `")
+            );
+            ImportError::missing(&table.file, format!(", line 1: column `{name}` is missing"), remedy)
+        })
     };
     let (time, duty, speed) = (need(TIME)?, need(COMMAND)?, need(SPEED)?);
     let (voltage, current) = (table.find(VOLTAGE), table.find(CURRENT));
@@ -59,14 +65,7 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     }
     for (row, value) in command.iter_mut().enumerate() {
         if !(0.0..=100.0).contains(value) {
-            return Err(ImportError::OutOfRange {
-                file: table.file.clone(),
-                line: table.line(row),
-                column: COMMAND.into(),
-                value: *value,
-                low: 0.0,
-                high: 100.0,
-            });
+            return Err(ImportError::out_of_range(&table.file, table.line(row), COMMAND, *value, (0.0, 100.0)));
         }
         *value /= 100.0;
     }
@@ -106,6 +105,8 @@ fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
                 residual_max_s: Some(grid.residual_max_s),
             },
             pulse_widths: false,
+            is_electrical: false,
+            has_motors: false,
             notes: vec![
                 "speed is `RPM` as the ESC computes it, which is right for the rotor only if the number of poles is set in \
                  the ESC"
@@ -133,16 +134,23 @@ fn times(table: &Table<'_>, column: usize) -> Result<EvenGrid, ImportError> {
     let mut stamps: Vec<f64> = Vec::new();
     let mut first = None;
     table.each(|row| {
-        let (file, line, column, text) = (table.file.clone(), row.line, TIME.into(), row.text(column));
+        let text = row.text(column);
         let Some((moment, fraction)) = parse(text) else {
-            return Err(ImportError::TimeStamp { file, line, column, text: text.into() });
+            let remedy = "expected `YYYY-MM-DD hh:mm:ss:mmm`; correct it or delete the row";
+            return Err(ImportError::cell(
+                &table.file,
+                row.line,
+                TIME,
+                format!("`{text}` is not a time stamp"),
+                remedy,
+            ));
         };
         let origin = *first.get_or_insert(moment);
         let stamp = moment.duration_since(origin).as_secs_f64() + fraction;
         if let Some(&before) = stamps.last()
             && stamp < before
         {
-            return Err(ImportError::TimeRunsBack { file, line, column, by_s: before - stamp });
+            return Err(ImportError::time_runs_back(&table.file, row.line, TIME, before - stamp));
         }
         stamps.push(stamp);
         Ok(())
@@ -150,11 +158,13 @@ fn times(table: &Table<'_>, column: usize) -> Result<EvenGrid, ImportError> {
     let grid = even_grid(&stamps);
     let bound = MAX_RESIDUAL_INTERVALS * grid.interval_s;
     if !(grid.interval_s > 0.0 && grid.residual_rms_s <= bound) {
-        return Err(ImportError::NotEven {
-            file: table.file.clone(),
-            interval_s: grid.interval_s,
-            residual_rms_s: grid.residual_rms_s,
-        });
+        let (interval_s, rms_s) = (grid.interval_s, grid.residual_rms_s);
+        return Err(ImportError::value(
+            &table.file,
+            format!("column `{TIME}`"),
+            format!("the time stamps miss an even grid of {interval_s} s by {rms_s} s RMS"),
+            "rows are missing in many places; record again with a faster link, or cut out the good part",
+        ));
     }
     Ok(grid)
 }

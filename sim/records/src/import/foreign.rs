@@ -6,6 +6,7 @@ use std::path::Path;
 use encoding_rs::{Encoding, UTF_8, WINDOWS_1252};
 
 use super::ImportError;
+use super::format::LogFormat;
 
 /// What a spreadsheet has to become.
 const SPREADSHEET: &str = "open it in the spreadsheet program, choose the sheet with the rows and export it as CSV";
@@ -50,14 +51,22 @@ const KINDS: &[(&[u8], &str, &str)] = &[
     (b"<html", "a web page", "download the log itself: on a page that shows a file, the link is often called `raw`"),
 ];
 
+/// What a ground station has of a flight.
+const TELEMETRY: (&str, &str) = (
+    "a MAVLink telemetry log (.tlog), which has what came over the radio link a few times a second",
+    "give the log that the autopilot wrote itself: .bin of ArduPilot, .ulg of PX4",
+);
+/// Stamps of such a log, microseconds since 1970: from 2000 to 2100.
+const TELEMETRY_US: std::ops::Range<u64> = 946_684_800_000_000..4_102_444_800_000_000;
+
 /// Bytes in which the names of a ZIP archive's first files are looked for.
 const ZIP_HEAD: usize = 1 << 16;
 
 /// Refuses what begins as no log does.
 pub(super) fn refuse(file: &Path, bytes: &[u8]) -> Result<(), ImportError> {
-    let Some(&(_, mut kind, mut remedy)) = KINDS.iter().find(|(start, ..)| bytes.starts_with(start)) else {
-        return Ok(());
-    };
+    let telemetry = is_telemetry(bytes).then_some((&b""[..], TELEMETRY.0, TELEMETRY.1));
+    let known = KINDS.iter().find(|(start, ..)| bytes.starts_with(start)).copied().or(telemetry);
+    let Some((_, mut kind, mut remedy)) = known else { return Ok(()) };
     let head = &bytes[..bytes.len().min(ZIP_HEAD)];
     let names = |name: &[u8]| head.windows(name.len()).any(|part| part == name);
     if bytes.starts_with(b"PK") && names(b"[Content_Types].xml") && names(b"xl/") {
@@ -65,7 +74,24 @@ pub(super) fn refuse(file: &Path, bytes: &[u8]) -> Result<(), ImportError> {
     } else if bytes.starts_with(b"PK") && names(b"opendocument.spreadsheet") {
         (kind, remedy) = ("a LibreOffice spreadsheet (ODS)", SPREADSHEET);
     }
-    Err(ImportError::NoLog { file: file.into(), kind, remedy })
+    Err(ImportError::not_a_log(file, format!(": {kind}, and no log"), remedy))
+}
+
+/// Whether bytes are MAVLink packets, each behind its stamp of eight bytes (mavlink/qgroundcontrol, MAVLink's *Telemetry Logs*).
+fn is_telemetry(bytes: &[u8]) -> bool {
+    // Where the next packet of version 1 or 2 begins: a head, as many bytes as it says, a checksum, and a signature where a flag says so.
+    let packet = |bytes: &[u8]| {
+        let stamp = u64::from_be_bytes(bytes.get(..8)?.try_into().ok()?);
+        let (mark, length, flags) = (*bytes.get(8)?, usize::from(*bytes.get(9)?), *bytes.get(10)?);
+        let length = match mark {
+            0xfe => 8 + 6 + length + 2,
+            0xfd => 8 + 10 + length + 2 + 13 * usize::from(flags & 1),
+            _ => return None,
+        };
+        TELEMETRY_US.contains(&stamp).then_some(length)
+    };
+    let next = packet(bytes).and_then(|length| bytes.get(length..));
+    next.is_some_and(|next| next.is_empty() || packet(next).is_some())
 }
 
 /// The text that `bytes` are, without its byte-order mark, and the name of its encoding where that is not UTF-8. What has no mark and is
@@ -74,7 +100,15 @@ pub(super) fn text<'a>(file: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, str>, Op
     let (marked, mark) = Encoding::for_bom(bytes).unwrap_or((UTF_8, 0));
     let bytes = &bytes[mark..];
     let line = |end: usize| memchr::memchr_iter(b'\n', &bytes[..end]).count() + 1;
-    let not_text = |at: usize| ImportError::NotText { file: file.into(), line: line(at), byte: bytes[at] };
+    let not_text = |at: usize| {
+        let problem = format!(
+            ", line {}: the byte {:#04x} belongs in no text: the file is damaged, or a binary log that is not known",
+            line(at),
+            bytes[at]
+        );
+        let remedy = format!("copy the file again, or export it as one of these: {}", LogFormat::titles());
+        ImportError::not_a_log(file, problem, remedy)
+    };
     if marked != UTF_8 {
         let text = marked.decode_without_bom_handling_and_without_replacement(bytes);
         let problem = "UTF-16 text with characters that are none";

@@ -30,7 +30,7 @@ impl Held {
     /// The commands, of which the numbers of `range` are 0..1, and `bent` is what is done to those.
     ///
     /// # Errors
-    /// [`ImportError::SampleOutOfRange`].
+    /// [`ImportError::Value`].
     pub(super) fn command(
         &self,
         file: &Path,

@@ -49,10 +49,10 @@ const TIMES_OF_SEVERAL: &str = "X(";
 /// A matrix has a signal in each of its shorter lines, up to so many. Chosen: more than a stand has channels; what has more is a picture.
 const MOST_SIGNALS: usize = 64;
 
-const DIALECT: Dialect = Dialect { names: SPELLINGS, is_stand: false, usual: Some(Excitation::Staircase) };
+const DIALECT: Dialect = Dialect { names: SPELLINGS, usual: Some(Excitation::Staircase), ..Dialect::PLAIN };
 
 fn is_time(name: &str) -> bool {
-    DIALECT.meaning(name).is_some_and(|(quantity, _)| quantity == Quantity::Time)
+    DIALECT.meaning(name).is_some_and(|said| said.quantity == Quantity::Time)
 }
 
 /// A vector that may be a column.
@@ -135,7 +135,7 @@ impl Columns {
             }
             (Content::Struct(_, parts) | Content::Cell(parts), _) if !parts.is_empty() => self.add_parts(&name, parts),
             _ => {
-                let quantity = DIALECT.meaning(name.rsplit('.').next().unwrap_or(&name)).map(|(quantity, _)| quantity);
+                let quantity = DIALECT.meaning(name.rsplit('.').next().unwrap_or(&name)).map(|said| said.quantity);
                 self.beside.push(Beside { name, shown, remedy, quantity });
             }
         }
@@ -252,6 +252,7 @@ fn table<'a>(file: &Path, variables: Vec<Variable>) -> PlainTable<'a> {
         dialect: &DIALECT,
         header_line: None,
         notes: Vec::new(),
+        motor_poles: None,
     }
 }
 
@@ -261,7 +262,8 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         offset: damage.offset,
         problem: damage.problem,
     })?;
-    let plain = table(file, variables);
+    let mut plain = table(file, variables);
+    plain.motor_poles = options.motor_poles;
     let mut taken = take_table(plain, options, &FORMAT)?;
     let is_time = |column: &&super::ColumnUse| column.taken_as.as_deref() == Some(Quantity::Time.column());
     let name = taken.summary.columns.iter().find(is_time).map_or("time", |column| &column.name);
@@ -274,7 +276,10 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
 fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Taken>, ImportError> {
     match mat5::header(bytes) {
         Some(mat5::Header::Level5) => take(file, bytes, options).map(Some),
-        Some(mat5::Header::Hdf5) => Err(ImportError::Hdf5 { file: file.into() }),
+        Some(mat5::Header::Hdf5) => {
+            let problem = ": a MATLAB file of version 7.3 (HDF5)";
+            Err(ImportError::not_a_log(file, problem, "save it again in MATLAB with `save(file, '-v7')`"))
+        }
         None => Ok(None),
     }
 }

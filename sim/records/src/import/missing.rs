@@ -7,7 +7,8 @@ use super::Quantity;
 
 /// What `KIND` of [`MissingOption::excitation`] may be.
 pub const EXCITATIONS: &str = "`multisine`, `square` or `triangle`, each with `--period SECONDS`; `staircase` (levels held \
-     one after the other), `step` (one), `chirp`, `steady` (each row is a steady point), or `free` for anything else";
+     one after the other), `step` (one), `chirp`, `random` (a random or \
+     pseudo-random command), `steady` (each row is a steady point), or `free` for anything else";
 
 /// An option of the command line that is needed, with a word in capitals where a value is to be filled in. Shown as it is typed in
 /// a shell.
@@ -34,6 +35,12 @@ impl MissingOption {
     #[must_use]
     pub fn period() -> Self {
         Self { name: "--period", value: String::from("SECONDS") }
+    }
+
+    /// How many poles the motor has.
+    #[must_use]
+    pub fn motor_poles() -> Self {
+        Self { name: "--motor-poles", value: String::from("N") }
     }
 
     pub(super) fn pulse_us() -> Self {

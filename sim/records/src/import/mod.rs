@@ -5,15 +5,19 @@
 
 mod binary_columns;
 mod blackbox;
+mod blackbox_csv;
 mod blackbox_frames;
+mod crazyflie;
 mod dataflash;
 mod dataflash_messages;
 mod described;
 mod error;
 mod esc32;
 mod flight;
+mod flight_stand;
 mod foreign;
 mod format;
+mod glitches;
 mod held;
 mod mat;
 mod mat5;
@@ -31,6 +35,7 @@ mod table;
 mod tare;
 mod ulog;
 mod ulog_messages;
+mod vesc;
 
 use std::fs::File;
 use std::io::Read as _;
@@ -45,7 +50,7 @@ pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 
 use super::{CommandLog, Excitation, Experiment, Output, Record, Setpoints};
 use described::Described;
-use format::Reader;
+use format::{Dialect, Reader};
 use plain_layout::PlainTable;
 
 /// What a log does not say of itself.
@@ -71,6 +76,10 @@ pub struct ImportOptions {
     pub without_command: bool,
     /// Whether the mean thrust of the motor at rest is subtracted: a stand that was not set to zero.
     pub tare: bool,
+    /// How many poles the motor has, for a speed in electrical revolutions.
+    pub motor_poles: Option<u32>,
+    /// How many rows a second a table without times has, evenly spaced.
+    pub rate_hz: Option<f64>,
     /// What drove the command. A plain table needs it, unless its rows are steady points; other logs are staircases where absent.
     pub excitation: Option<Excitation>,
     /// The period of an excitation that has one, seconds.
@@ -117,14 +126,19 @@ const LONGEST_LOG: u64 = 1_000_000_000;
 /// outside its range or constant, time that runs backwards, too few rows, numbers that cannot be, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
     if file.is_dir() {
-        return Err(ImportError::Folder { file: file.into() });
+        return Err(ImportError::not_a_log(
+            file,
+            ": it is a folder, and no log",
+            "give the logs in it, each by its name",
+        ));
     }
     let mut bytes = Vec::new();
     File::open(file)
         .and_then(|log| log.take(LONGEST_LOG + 1).read_to_end(&mut bytes))
         .map_err(|source| ImportError::Read { file: file.into(), source })?;
     if bytes.len() as u64 > LONGEST_LOG {
-        return Err(ImportError::TooLong { file: file.into(), most: LONGEST_LOG });
+        let remedy = "cut the part that holds the run out of it with the logger's own tools";
+        return Err(ImportError::not_a_log(file, format!(": longer than {} MB", LONGEST_LOG / 1_000_000), remedy));
     }
     import_bytes(file, &bytes, options)
 }
@@ -137,7 +151,7 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
 /// As [`import`].
 pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Import, ImportError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(ImportError::Empty { file: file.into() });
+        return Err(ImportError::not_a_log(file, ": the file is empty", "copy or export the log again"));
     }
     let (low_us, high_us) = options.pulse_range();
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
@@ -147,12 +161,12 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     if is_flight && options.motor.is_none() {
         let options = ImportOptions { motor: Some(1), ..options.clone() };
         let taken = take(file, bytes, &options)?;
-        if taken.summary.format.has_motors {
+        if taken.summary.has_motors {
             return take_vehicle(file, bytes, &options, taken);
         }
     }
     let taken = take(file, bytes, options)?;
-    let may_be_another = taken.summary.format.has_motors && options.motor.is_none();
+    let may_be_another = taken.summary.has_motors && options.motor.is_none();
     match taken.into_import(file, options) {
         Err(ImportError::ConstantCommand { command, rows, .. }) if may_be_another => {
             take_moving_motor(file, bytes, options, ImportError::ConstantCommand { file: file.into(), command, rows })
@@ -168,7 +182,7 @@ fn take_vehicle(file: &Path, bytes: &[u8], options: &ImportOptions, taken: Taken
         let options = ImportOptions { motor: Some(motor), ..options.clone() };
         match take(file, bytes, &options) {
             Ok(taken) => import.experiment.records.extend(taken.into_import(file, &options)?.experiment.records),
-            Err(ImportError::MissingTopic { .. }) => break,
+            Err(ImportError::Missing { .. }) => break,
             Err(error) => return Err(error),
         }
     }
@@ -202,7 +216,8 @@ fn take_moving_motor(
         }
         _ => {
             let motors = moving.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-            Err(ImportError::SeveralMotors { file: file.into(), motors })
+            let problem = format!(": motor 1 stands still, and motors {motors} move");
+            Err(ImportError::missing(file, problem, "say which one to take, as in `--motor 2`"))
         }
     }
 }
@@ -232,12 +247,14 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
         }
     }
     let mut plain = PlainTable::parse(file, text)?;
+    plain.motor_poles = options.motor_poles;
     let as_table = |format: &'static LogFormat| match format.reader {
         Reader::Table { is_header, dialect } if is_header(&plain.table.header) => Some((format, dialect)),
         _ => None,
     };
-    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &plain::DIALECT));
+    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &Dialect::PLAIN));
     plain.dialect = dialect;
+    plain.notes.extend(dialect.note.map(String::from));
     plain::take_table(plain, options, format)
 }
 
@@ -270,6 +287,7 @@ impl Taken {
             self.command.clear();
             self.own_command.clear();
         }
+        self.leave_out_glitches()?;
         self.cut(options)?;
         self.check_response(options)?;
         self.tare(options)?;
@@ -325,8 +343,8 @@ impl Taken {
             Output::Rpm => &self.rpm,
         };
         if response.is_none() {
-            let (file, output) = (self.summary.file.clone(), self.output.column());
-            return Err(ImportError::NoSuchOutput { file, output });
+            let columns = self.summary.columns.iter().map(|column| format!("`{}`", column.name)).collect::<Vec<_>>();
+            return Err(ImportError::no_such_output(&self.summary.file, self.output.column(), &columns.join(", ")));
         }
         Ok(())
     }
@@ -364,7 +382,16 @@ impl Taken {
         }
         let taken_as_time = |column: &&ColumnUse| column.taken_as.as_deref() == Some("time_s");
         let column = self.summary.columns.iter().find(taken_as_time).map_or("time", |column| column.name.as_str());
-        Err(ImportError::TimeUnit { file: self.summary.file.clone(), column: column.into(), interval_s, lasts_s })
+        let hours = lasts_s / 3600.0;
+        Err(ImportError::value(
+            &self.summary.file,
+            format!("column `{column}`"),
+            format!("rows {interval_s} s apart that last {hours:.1} hours are no recording of a motor"),
+            format!(
+                "its unit is another: state it, as in `--column time='{column}:ms'`; where each row is a steady point, say so with \
+                 `--excitation steady`"
+            ),
+        ))
     }
 }
 

@@ -8,16 +8,18 @@ use std::mem::take;
 use rotorlead_numerics::sample::median;
 
 use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
-use super::plain_columns::{Pick, Picks, is_electrical, option};
+use super::glitches::{MOST_GLITCHES, MOST_RPM};
+use super::plain_columns::{Pick, Picks, is_electrical, listed, of_other_motors, option};
 use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
-use super::quantity::{DSHOT, Quantity, Scale, Unit};
+use super::quantity::{DSHOT, ELECTRICAL, Quantity, Scale, Unit};
 use super::rcbenchmark::MAX_OVERTAKING_S;
 use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
 use super::{
-    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, plain_speeds,
+    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, flight,
+    plain_speeds,
 };
 use crate::experiment::{Excitation, Output, Setpoints};
 
@@ -31,8 +33,6 @@ const SLOWER_THAN_A_LAG_S: f64 = 0.5;
 const MOST_STEADY_POINTS: usize = 1000;
 /// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
 const NEARLY_ALL: f64 = 0.9;
-/// A rotor of a multicopter does not turn faster, revolutions per minute.
-const MOST_RPM: f64 = 200_000.0;
 /// No such rotor pulls more, newtons.
 const MOST_N: f64 = 10_000.0;
 
@@ -87,8 +87,13 @@ pub(super) fn take_table(
     }
 
     let is_steady = rows.find_times(picks.time, is_stand, options, &mut notes)?;
+    if let (true, Some(motor), Some(command)) = (plain.dialect.may_be_flight, picks.motor, picks.command) {
+        rows.refuse_flight(&plain, motor, command, options)?;
+    }
+    let listed = listed(&plain);
     let columns = Columns {
         table,
+        listed: &listed,
         places: &rows.places,
         thrust: picks.thrust.zip(rows.thrust.as_deref()),
         speed: picks.speed.zip(rows.speed.as_deref()),
@@ -138,6 +143,7 @@ pub(super) fn take_table(
         list.left(pick.column, why);
         None
     };
+    let sample_rate_hz = options.rate_hz.filter(|_| picks.time.is_none() && is_whole(&rows.places));
     let thrust_n = complete(picks.thrust, &mut rows.thrust);
     let rpm = complete(picks.speed, &mut rows.speed);
     let voltage_v = complete(picks.voltage, &mut rows.voltage);
@@ -171,6 +177,8 @@ pub(super) fn take_table(
             dropped: rows.dropped,
             timing: timing(&rows.time, rows.reordered),
             pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
+            has_motors: picks.motor.is_some(),
+            is_electrical: picks.speed.is_some_and(|speed| speed.unit.name.starts_with(ELECTRICAL)),
             notes,
         },
         usual: if is_steady { Some(Excitation::Steady) } else { plain.dialect.usual },
@@ -184,7 +192,7 @@ pub(super) fn take_table(
         current_a,
         setpoints: Setpoints::default(),
         loop_rate_hz: None,
-        sample_rate_hz: None,
+        sample_rate_hz,
     })
 }
 
@@ -280,8 +288,16 @@ impl Rows<'_> {
     fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
         let has = |value: &f64| !value.is_nan();
         let Some(first) = self.command.iter().position(has) else {
-            let (file, column) = (self.table.file.clone(), self.table.header[command.column].clone());
-            return Err(ImportError::NoCommand { file, column, rows: self.command.len() });
+            return Err(ImportError::missing(
+                &self.table.file,
+                format!(
+                    ", column `{}`: empty in all {} rows, so the log does not have the command",
+                    self.table.header[command.column],
+                    self.command.len()
+                ),
+                "record with the output switched on; where the command was logged apart, `rotorlead import --no-command` takes the log \
+                 without it, and `rotorlead identify --align LOG` merges the two",
+            ));
         };
         let end = self.command.iter().rposition(has).map_or(first, |last| last + 1);
         if let Some(blank) = self.command[first..end].iter().position(|value| value.is_nan()) {
@@ -306,24 +322,15 @@ impl Rows<'_> {
         options: &ImportOptions,
         notes: &mut Vec<String>,
     ) -> Result<String, ImportError> {
-        let (low, high) = match pick.unit.scale {
-            Scale::Pulse => options.pulse_range(),
-            Scale::Dshot => (0.0, DSHOT.1),
-            Scale::Ratio(times, over) => (0.0, over / times),
-            // Of a time alone.
-            Scale::Clock => (0.0, 1.0),
-        };
+        let (mut low, high) = command_range(pick, options).unwrap_or((0.0, 1.0));
+        if pick.unit.scale == Scale::Dshot {
+            low = 0.0;
+        }
         let rows = self.places.iter().copied().zip(self.command.iter().copied());
         let own = self.own_command.iter().map(|own| (own.place, own.command));
         if let Some((place, value)) = rows.chain(own).find(|(_, value)| !(low..=high).contains(value)) {
-            return Err(ImportError::OutOfRange {
-                file: self.table.file.clone(),
-                line: self.table.line(place),
-                column: self.table.header[pick.column].clone(),
-                value,
-                low,
-                high,
-            });
+            let (line, column) = (self.table.line(place), &self.table.header[pick.column]);
+            return Err(ImportError::out_of_range(&self.table.file, line, column, value, (low, high)));
         }
         let name = &self.table.header[pick.column];
         notes.extend(pick.guessed_because.map(|because| {
@@ -356,6 +363,24 @@ impl Rows<'_> {
         Ok(format!("DShot: {low}..{high} become 0..1, 0 is stop{guessed}"))
     }
 
+    /// Refuses a log in which other motors have commands of their own.
+    fn refuse_flight(
+        &self,
+        plain: &PlainTable<'_>,
+        motor: usize,
+        command: Pick,
+        options: &ImportOptions,
+    ) -> Result<(), ImportError> {
+        let Some((low, high)) = command_range(command, options) else { return Ok(()) };
+        for (other, column) in of_other_motors(plain, Quantity::Command, motor) {
+            let numbers = self.table.numbers(&[(column, command.reading())])?;
+            let scaled = |&place: &usize| ((numbers[0][place] - low) / (high - low)).max(0.0);
+            let others = [(other, self.places.iter().map(scaled).collect())];
+            flight::refuse(&self.table.file, options, motor, &self.time, &self.command, "motor", &others)?;
+        }
+        Ok(())
+    }
+
     /// Makes seconds from the first row of the stamps, in their order, and finds out whether each row is a steady point, whose
     /// stamps may be anything.
     fn find_times(
@@ -368,6 +393,11 @@ impl Rows<'_> {
         let is_stated = options.excitation == Some(Excitation::Steady);
         let Some(pick) = pick else {
             self.own_command.clear();
+            if let Some(rate_hz) = options.rate_hz {
+                self.time = self.places.iter().map(|&place| place as f64 / rate_hz).collect();
+                notes.push(format!("the table has no time: its rows are {rate_hz} a second, as stated"));
+                return Ok(is_stated);
+            }
             self.time = numbered(self.command.len());
             notes.push(String::from("the table has no time: its points are numbered, one a second"));
             return Ok(true);
@@ -428,13 +458,10 @@ impl Rows<'_> {
         let mut latest = f64::NEG_INFINITY;
         for (at, &time) in self.time.iter().enumerate() {
             if latest - time > most_s {
-                return Err(ImportError::TimeRunsBack {
-                    file: self.table.file.clone(),
-                    line: self.table.line(self.places[at]),
-                    column: self.table.header[pick.column].clone(),
-                    // To the nanosecond: digits beyond are those of the subtraction.
-                    by_s: ((latest - time) * 1e9).round() / 1e9,
-                });
+                let (line, column) = (self.table.line(self.places[at]), &self.table.header[pick.column]);
+                // To the nanosecond: digits beyond are those of the subtraction.
+                let by_s = ((latest - time) * 1e9).round() / 1e9;
+                return Err(ImportError::time_runs_back(&self.table.file, line, column, by_s));
             }
             self.reordered += usize::from(time < latest);
             latest = latest.max(time);
@@ -498,6 +525,21 @@ impl Rows<'_> {
     }
 }
 
+/// What numbers of a command become 0 and 1; `None` where it is none.
+fn command_range(pick: Pick, options: &ImportOptions) -> Option<(f64, f64)> {
+    match pick.unit.scale {
+        Scale::Pulse => Some(options.pulse_range()),
+        Scale::Dshot => Some(DSHOT),
+        Scale::Ratio(times, over) => Some((0.0, over / times)),
+        Scale::Clock | Scale::Electrical(_) => None,
+    }
+}
+
+/// Whether rows follow each other in the table.
+fn is_whole(places: &[usize]) -> bool {
+    places.windows(2).all(|pair| pair[1] == pair[0] + 1)
+}
+
 /// Times of points that have none.
 fn numbered(points: usize) -> Vec<f64> {
     (0..points).map(|point| point as f64).collect()
@@ -546,19 +588,26 @@ fn convert(
         Quantity::Speed => (MOST_RPM, "rpm"),
         _ => (f64::MAX, ""),
     };
+    let is_too_much = |value: &f64| pick.converted(*value).abs() > most;
+    let too_much = values.iter().filter(|value| is_too_much(value)).count();
+    // A few are left out with the rest of what no rotor does.
+    let are_glitches = pick.unit.quantity == Quantity::Speed && too_much as f64 <= MOST_GLITCHES * values.len() as f64;
     for (row, value) in values.iter_mut().enumerate() {
         let found = pick.converted(*value);
-        if found.abs() > most {
+        if found.abs() > most && !are_glitches {
             let name = &table.header[pick.column];
             let line = table.line(places[row]);
             let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
-            return Err(ImportError::Impossible {
-                file: table.file.clone(),
+            return Err(ImportError::cell(
+                &table.file,
                 line,
-                column: name.clone(),
-                problem: format!("`{text}` in {} is more than {most} {unit}", pick.unit.name),
-                remedy: option(pick.unit.quantity, name, "UNIT"),
-            });
+                name,
+                format!("`{text}` in {} is more than {most} {unit}, which cannot be", pick.unit.name),
+                format!(
+                    "where its unit is another, state it with `{}`; where the value is a glitch, delete the row",
+                    option(pick.unit.quantity, name, "UNIT")
+                ),
+            ));
         }
         *value = found;
     }
@@ -569,7 +618,7 @@ fn convert(
 fn conversion(pick: Pick) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {
-        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock => String::new(),
+        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock | Scale::Electrical(_) => String::new(),
         Scale::Ratio(times, 1.0) => format!(", times {times}"),
         Scale::Ratio(times, over) => format!(", times {}", times / over),
     };
@@ -590,16 +639,13 @@ fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
     })
 }
 
-/// Its names speak for themselves.
-pub(super) const DIALECT: Dialect = Dialect { names: &[], is_stand: false, usual: None };
-
 /// The format.
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "plain",
     title: "tables of numbers as text, with commas, semicolons, tabs or blanks between the columns",
-    has_motors: false,
+    has_motors: true,
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header: |_| true, dialect: &DIALECT },
+    reader: Reader::Table { is_header: |_| true, dialect: &Dialect::PLAIN },
 };

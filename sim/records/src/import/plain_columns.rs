@@ -4,13 +4,14 @@
 //! taken. What numbers look like is looked at in two places: a command without a unit is taken in the only one that its numbers
 //! fit, where there is one, and of several columns of one quantity one that never moves is not taken.
 
+use super::format::Meaning;
 use super::missing::{EXCITATIONS, MissingOption};
 use super::plain_layout::PlainTable;
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{CellFormat, seconds_since_midnight};
-use super::{ImportError, ImportOptions, plain_speeds};
-use crate::experiment::Excitation;
+use super::{ImportError, ImportOptions, MOST_MOTORS, plain_speeds};
+use crate::experiment::{Excitation, Output};
 use crate::files::csv_rows::quoted;
 
 /// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and
@@ -20,6 +21,8 @@ const MOST_OF_OTHERS: f64 = 1024.0;
 const LEAST_PERCENT: f64 = 10.0;
 /// Pulses that an ESC of PWM takes are not shorter, microseconds.
 const LEAST_PULSE_US: f64 = 800.0;
+/// Pulse widths of PWM, microseconds. Standard.
+const PULSES_US: (f64, f64) = (1000.0, 2000.0);
 /// Rounding of whole numbers that were averaged.
 const WHOLE: f64 = 1e-6;
 
@@ -42,7 +45,8 @@ impl Pick {
         let sign = if self.is_reversed { -1.0 } else { 1.0 };
         match self.unit.scale {
             Scale::Ratio(times, over) => sign * value * times / over,
-            Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
+            // Electrical revolutions are taken with the number of poles alone.
+            Scale::Pulse | Scale::Dshot | Scale::Clock | Scale::Electrical(_) => sign * value,
         }
     }
 
@@ -63,6 +67,8 @@ pub(super) struct Picks {
     pub(super) is_another_speed_lost: bool,
     pub(super) voltage: Option<Pick>,
     pub(super) current: Option<Pick>,
+    /// Which motor they are of, where columns say that.
+    pub(super) motor: Option<usize>,
 }
 
 impl Picks {
@@ -73,8 +79,9 @@ impl Picks {
         options: &ImportOptions,
         list: &mut ColumnList,
     ) -> Result<Self, ImportError> {
-        let needs_time = options.excitation != Some(Excitation::Steady);
-        let of = |quantity| find(plain, quantity, options);
+        let needs_time = options.excitation != Some(Excitation::Steady) && options.rate_hz.is_none();
+        let motor = wanted_motor(plain, options)?;
+        let of = |quantity| find(plain, quantity, motor, options);
         let mut questions = Vec::new();
         let mut unfit = Vec::new();
         let mut need = |found, asks: &str, quantity| match found {
@@ -91,6 +98,17 @@ impl Picks {
         };
         let time = match of(Quantity::Time)? {
             Found::Nothing if !needs_time => None,
+            // Times in no known unit are no better than none.
+            Found::Unclear(_) if options.rate_hz.is_some() => None,
+            Found::Pick(time) if options.rate_hz.is_some() => {
+                let column = &plain.table.header[time.column];
+                return Err(ImportError::value(
+                    &plain.table.file,
+                    format!("column `{column}`"),
+                    "has the times of the rows, beside which no --rate is needed",
+                    "leave --rate out; where these are no times, say which column has them with --column",
+                ));
+            }
             found => need(found, "time", Quantity::Time),
         };
         let command = match options.without_command {
@@ -102,22 +120,25 @@ impl Picks {
                 (need(Found::Nothing, "thrust, and none the rpm", Quantity::Thrust), None)
             }
             (Found::Nothing, speed) => (None, need(speed, "", Quantity::Speed)),
+            (thrust, speed @ Found::Unclear(_)) if options.output == Some(Output::Rpm) => {
+                (thrust.pick(), need(speed, "", Quantity::Speed))
+            }
             (thrust, speed) => (need(thrust, "", Quantity::Thrust), speed.pick()),
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
         if let Some(beside) = plain.beside.iter().find(|b| b.quantity.is_some_and(|quantity| unfit.contains(&quantity)))
         {
-            return Err(ImportError::Variable {
-                file: plain.table.file.clone(),
-                name: beside.name.clone(),
-                problem: format!("{}, where a vector of real numbers is needed", beside.shown),
-                remedy: format!("in MATLAB, {}", beside.remedy),
-            });
+            return Err(ImportError::value(
+                &plain.table.file,
+                format!("variable `{}`", beside.name),
+                format!("{}, where a vector of real numbers is needed", beside.shown),
+                format!("in MATLAB, {}", beside.remedy),
+            ));
         }
         if !questions.is_empty() {
             return Err(ask(plain, &questions, options));
         }
-        let mut picks = Self { time, command, thrust, speed, is_another_speed_lost: false, voltage, current };
+        let mut picks = Self { time, command, thrust, speed, is_another_speed_lost: false, voltage, current, motor };
         picks.leave_lost_speed(plain);
         picks.say_why_others_are_left(plain, list);
         Ok(picks)
@@ -154,8 +175,12 @@ impl Picks {
             let name = said.quantity.name();
             let is_taken = self.all().any(|pick| pick.unit.quantity == said.quantity);
             match said.unit {
+                _ if said.motor.is_some() && said.motor != self.motor => list.left(column, "another motor"),
                 _ if is_taken && !moves(plain, column) => list.left(column, "zero or blank in every row"),
                 _ if is_taken => list.left(column, format!("another column was taken as {}", said.quantity.column())),
+                Some(unit) if unit.is_electrical() => {
+                    list.left(column, format!("electrical: `{}` takes it", MissingOption::motor_poles()));
+                }
                 Some(_) => list.left(column, format!("one of several that are called {name}")),
                 None => list.left(column, format!("{name} in no unit that is known: {}", said.quantity.units())),
             }
@@ -185,20 +210,38 @@ struct Question {
     asks: String,
     /// `HEADER` where no column is known.
     header: String,
+    /// The option that answers it.
+    missing: MissingOption,
 }
 
 impl Question {
     fn new(quantity: Quantity, header: &str, asks: String) -> Self {
-        Self { quantity, asks, header: header.to_owned() }
+        let missing = MissingOption::column(quantity, header, "UNIT");
+        Self { quantity, asks, header: header.to_owned(), missing }
+    }
+
+    /// How many poles the motor has whose electrical speed is in a column.
+    fn poles(header: &str) -> Self {
+        let asks = format!("`{}` is electrical, and turns once for each pair of poles", quoted(header));
+        Self { missing: MissingOption::motor_poles(), ..Self::new(Quantity::Speed, header, asks) }
+    }
+
+    /// What the answer may be.
+    fn answers(&self) -> String {
+        match self.missing.name {
+            "--column" => format!("{} in {}", self.quantity.name(), self.quantity.units()),
+            name => format!("{name}: the magnets of the motor, as 14"),
+        }
     }
 
     /// What else may be meant where a log has no such column.
     fn otherwise(&self) -> Option<&'static str> {
         let is_missing = self.header == "HEADER";
         match self.quantity {
-            Quantity::Time if is_missing => {
-                Some(". Where each row is a steady point, `--excitation steady` needs no time")
-            }
+            Quantity::Time if is_missing => Some(
+                ". Where the rows are evenly spaced, `--rate HZ` says how many a second; where each is a steady point, \
+                     `--excitation steady` needs no time",
+            ),
             Quantity::Command if is_missing => Some(
                 ". Where the command was logged apart, `rotorlead import --no-command` takes the log without it, and `rotorlead \
                  identify --align LOG` merges the two",
@@ -213,23 +256,69 @@ pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
     MissingOption::column(quantity, header, unit).to_string()
 }
 
-fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> Result<Found, ImportError> {
+/// The motors that columns are of, from 1.
+fn motors(plain: &PlainTable<'_>) -> Vec<usize> {
+    let is_drive = |said: &Said| !matches!(said.quantity, Quantity::Time | Quantity::Voltage | Quantity::Current);
+    let said = (0..plain.table.header.len()).filter_map(|column| Said::from_column(plain, column).filter(is_drive));
+    let mut motors: Vec<usize> = said.filter_map(|said| said.motor).collect();
+    motors.sort_unstable();
+    motors.dedup();
+    motors
+}
+
+/// The motor that is asked for, or the first that there is; `None` where no column says which it is of.
+fn wanted_motor(plain: &PlainTable<'_>, options: &ImportOptions) -> Result<Option<usize>, ImportError> {
+    let motors = motors(plain);
+    match options.motor {
+        Some(motor) if !motors.is_empty() && !motors.contains(&motor) => {
+            let there = motors.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            let remedy = format!("state one that is there: {there}. The columns are {}", listed(plain));
+            Err(ImportError::missing(&plain.table.file, format!(": no column is of motor {motor}"), remedy))
+        }
+        stated => Ok(stated.or(motors.first().copied()).filter(|_| !motors.is_empty())),
+    }
+}
+
+/// The columns of a quantity of other motors than the one, which are in the unit of its own.
+pub(super) fn of_other_motors(plain: &PlainTable<'_>, quantity: Quantity, motor: usize) -> Vec<(usize, usize)> {
+    let other = |column: usize| {
+        let said = Said::from_column(plain, column).filter(|said| said.quantity == quantity)?;
+        said.motor.filter(|other| *other != motor).map(|other| (other, column))
+    };
+    let mut others: Vec<(usize, usize)> = (0..plain.table.header.len()).filter_map(other).collect();
+    others.sort_unstable();
+    // A motor has one: work stays within a multiple of the log.
+    others.dedup_by_key(|(motor, _)| *motor);
+    others
+}
+
+fn find(
+    plain: &PlainTable<'_>,
+    quantity: Quantity,
+    motor: Option<usize>,
+    options: &ImportOptions,
+) -> Result<Found, ImportError> {
     let (header, choices) = (&plain.table.header, &options.columns);
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
         let mut named = plain.called(&choice.header).into_iter();
-        let index = named.next().ok_or_else(|| ImportError::NoSuchColumn {
-            file: plain.table.file.clone(),
-            column: choice.header.clone(),
-            columns: listed(plain),
+        let (file, column) = (&plain.table.file, &choice.header);
+        let index = named.next().ok_or_else(|| {
+            let remedy = format!(
+                "the columns are {}: give one of these to --column, capitals and blanks as they are",
+                listed(plain)
+            );
+            ImportError::missing(file, format!(": there is no column `{column}`"), remedy)
         })?;
         if named.next().is_some() {
-            return Err(ImportError::SameName { file: plain.table.file.clone(), column: choice.header.clone() });
+            let remedy = format!("rename one of them in the header; the columns are {}", listed(plain));
+            return Err(ImportError::missing(file, format!(": two columns are called `{column}`"), remedy));
         }
         (index, Some(choice))
     } else {
         let chosen: Vec<usize> = choices.iter().flat_map(|choice| plain.called(&choice.header)).collect();
         let is_chosen = |index: &usize| chosen.contains(index);
-        let says = |index: &usize| Said::from_column(plain, *index).is_some_and(|said| said.quantity == quantity);
+        let is_it = |said: Said| said.quantity == quantity && said.motor.is_none_or(|of| Some(of) == motor);
+        let says = |index: &usize| Said::from_column(plain, *index).is_some_and(is_it);
         let named: Vec<usize> = (0..header.len()).filter(|index| says(index) && !is_chosen(index)).collect();
         match named[..] {
             [] => return Ok(Found::Nothing),
@@ -255,7 +344,9 @@ fn find(plain: &PlainTable<'_>, quantity: Quantity, options: &ImportOptions) -> 
     let contradicted = |unit: Unit| stated.is_none().then(|| fraction(plain, index, unit)).flatten();
     let unit = unit.map(|unit| contradicted(unit).map_or((unit, None), |(unit, because)| (unit, Some(because))));
     let found = unit.or_else(|| guess().map(|(unit, because)| (unit, Some(because))));
+    let found = found.map(|(unit, because)| (unit.with_poles(plain.motor_poles), because));
     Ok(match found {
+        Some((unit, _)) if unit.is_electrical() => Found::Unclear(Question::poles(&header[index])),
         Some((unit, guessed_because)) => {
             Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), guessed_because })
         }
@@ -279,21 +370,30 @@ fn choose_one(plain: &PlainTable<'_>, named: &[usize]) -> Option<usize> {
     match moving[..] {
         [one] => Some(one),
         [] => named.iter().copied().find(|column| has_numbers(plain, *column)).or(named.first().copied()),
-        _ => moving.into_iter().find(|column| is_electrical(&plain.table.header[*column])),
+        _ => {
+            let derived = moving.iter().copied().find(|column| is_electrical(&plain.table.header[*column]));
+            // Of a motor's own speed no poles need to be known.
+            let is_own = |column: &usize| {
+                Said::from_column(plain, *column).and_then(|said| said.unit).is_some_and(|unit| !unit.is_electrical())
+            };
+            let own: Vec<usize> = moving.into_iter().filter(is_own).collect();
+            derived.or_else(|| <[usize; 1]>::try_from(own).ok().map(|[own]| own))
+        }
     }
 }
 
 /// Whether a name is that of a speed which a stand derives from the motor's voltage.
 pub(super) fn is_electrical(name: &str) -> bool {
-    split(name).0 == "motor electrical speed"
+    split(name).0.starts_with("motor electrical speed")
 }
 
 /// Another column of a speed, in a unit that is known, that moves.
 pub(super) fn other_speed(plain: &PlainTable<'_>, pick: Pick) -> Option<Pick> {
+    let motor = Said::from_column(plain, pick.column).and_then(|said| said.motor);
     let of = |column| {
         let said = Said::from_column(plain, column)
-            .filter(|said| said.quantity == Quantity::Speed && column != pick.column)?;
-        let unit = said.unit.filter(|_| moves(plain, column))?;
+            .filter(|said| said.quantity == Quantity::Speed && said.motor == motor && column != pick.column)?;
+        let unit = said.unit.filter(|unit| !unit.is_electrical() && moves(plain, column))?;
         Some(Pick { column, unit, is_reversed: false, is_stated: false, guessed_because: None })
     };
     (0..plain.table.header.len()).find_map(of)
@@ -327,7 +427,11 @@ fn guessed(
     let least_above_zero = numbers().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
     let lie_within = |(low, high): (f64, f64)| low <= least && most <= high;
     let is_whole = |value: f64| (value - value.round()).abs() < WHOLE;
-    let (name, because) = if lie_within((0.0, 1.0)) {
+    let is_of_dshot = lie_within((0.0, DSHOT.1)) && numbers().all(is_whole);
+    let goes_beyond_pulses = numbers().any(|value| value > 0.0 && !(PULSES_US.0..=PULSES_US.1).contains(&value));
+    let (name, because) = if plain.dialect.is_dshot_or_pulse && is_of_dshot && goes_beyond_pulses {
+        ("dshot", "are whole, up to 2047, and not all pulse widths")
+    } else if lie_within((0.0, 1.0)) {
         ("duty", "lie within 0..1")
     } else if lie_within((0.0, 100.0)) && most > LEAST_PERCENT {
         ("percent", "lie within 0..100 and go above 10")
@@ -381,22 +485,25 @@ fn shown_by_clock(plain: &PlainTable<'_>, column: usize, quantity: Quantity) -> 
 fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) -> ImportError {
     let place = plain.header_line.map(|line| format!(", line {line}")).unwrap_or_default();
     let mut asks: Vec<&str> = questions.iter().map(|question| question.asks.as_str()).collect();
-    let unit = |question: &Question| format!("{} in {}", question.quantity.name(), question.quantity.units());
-    let mut values: Vec<String> = questions.iter().map(unit).collect();
-    let column = |question: &Question| MissingOption::column(question.quantity, &question.header, "UNIT");
-    let mut missing: Vec<MissingOption> = questions.iter().map(column).collect();
+    let mut values: Vec<String> = questions.iter().map(Question::answers).collect();
+    let mut missing: Vec<MissingOption> = questions.iter().map(|question| question.missing.clone()).collect();
     let is_driven = !options.without_command && plain.dialect.usual.is_none();
     if is_driven && options.excitation.is_none() {
         asks.push("nothing says what drove the command");
         values.push(format!("--excitation: {EXCITATIONS}"));
         missing.push(MissingOption::excitation());
     }
-    ImportError::UnclearColumns {
+    ImportError::Unstated {
         file: plain.table.file.clone(),
         problem: format!("{place}: {}", asks.join("; ")),
         remedy: format!(
-            "the columns are {}. Say which is what, and in which unit, with `{}` ({}){}",
+            "the columns are {}. Say {} with `{}` ({}){}",
             listed(plain),
+            if missing.iter().any(|option| option.name == "--column") {
+                "which is what, and in which unit,"
+            } else {
+                "it"
+            },
             missing.iter().map(ToString::to_string).collect::<Vec<_>>().join(" "),
             values.join("; "),
             questions.iter().filter_map(Question::otherwise).collect::<String>()
@@ -406,7 +513,7 @@ fn ask(plain: &PlainTable<'_>, questions: &[Question], options: &ImportOptions) 
 }
 
 /// The columns' names, for messages.
-fn listed(plain: &PlainTable<'_>) -> String {
+pub(super) fn listed(plain: &PlainTable<'_>) -> String {
     let names = plain.table.header.iter().enumerate().filter(|(_, name)| !name.is_empty());
     let shown = |(column, name): (usize, &String)| match plain.label(column) {
         Some(label) if !name.ends_with(label) => format!("`{}` (`{}`)", quoted(name), quoted(label)),
@@ -430,16 +537,24 @@ pub(super) const MOST_LISTED: usize = 60;
 struct Said {
     quantity: Quantity,
     unit: Option<Unit>,
+    /// Which motor it is of, from 1, where it says that.
+    motor: Option<usize>,
 }
 
 impl Said {
     fn from_column(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
         let label = plain.label(index)?;
         let stated = || below(plain, index).or_else(|| behind_numbers(plain, index));
-        if let Some((quantity, unit)) = plain.dialect.meaning(label) {
+        let with_poles = |unit: Unit| unit.with_poles(plain.motor_poles);
+        if let Some(Meaning { quantity, unit, motor }) = plain.dialect.meaning(label) {
             let stated = stated().and_then(|unit| Unit::named(quantity, &unit));
-            return Some(Self { quantity, unit: stated.or_else(|| Unit::named(quantity, unit)) });
+            return Some(Self {
+                quantity,
+                unit: stated.or_else(|| Unit::named(quantity, unit)).map(with_poles),
+                motor,
+            });
         }
+        let (label, motor) = split_motor(label);
         let (base, in_name) = split(label);
         // `t` is the time, and `T` may be a torque or a temperature.
         if in_name.is_none() && label.trim() == "T" {
@@ -457,15 +572,18 @@ impl Said {
         let written = in_name.or_else(stated);
         let unit = written.as_deref().and_then(|written| Unit::named(quantity, written));
         // `motor` alone may be anything of a motor.
-        (quantity != Quantity::Speed || unit.is_some() || base.contains("speed") || base == "rpm")
-            .then_some(Self { quantity, unit })
+        (quantity != Quantity::Speed || unit.is_some() || base.contains("speed") || base == "rpm").then_some(Self {
+            quantity,
+            unit: unit.map(with_poles),
+            motor,
+        })
     }
 }
 
 /// The quantity of a unit that is a name of its own.
 fn named_by_unit(unit: &str) -> Option<Quantity> {
     match unit.to_lowercase().as_str() {
-        "rpm" => Some(Quantity::Speed),
+        "rpm" | "erpm" => Some(Quantity::Speed),
         "dshot" => Some(Quantity::Command),
         _ => None,
     }
@@ -475,7 +593,8 @@ fn named_by_unit(unit: &str) -> Option<Quantity> {
 fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
     plain
         .label(index)
-        .and_then(|label| split(label).1)
+        .filter(|label| plain.dialect.meaning(label).is_none())
+        .and_then(|label| split(split_motor(label).0).1)
         .or_else(|| below(plain, index))
         .or_else(|| behind_numbers(plain, index))
 }
@@ -488,6 +607,27 @@ fn behind_numbers(plain: &PlainTable<'_>, index: usize) -> Option<String> {
 /// The unit in the line of units.
 fn below(plain: &PlainTable<'_>, index: usize) -> Option<String> {
     plain.units.get(index).filter(|unit| !unit.is_empty()).cloned()
+}
+
+/// A name without the number of a motor behind it, as in `rpm.m1`, `pwm_motor2` or `eRPM[0]`, which counts from 0; and that, from 1.
+fn split_motor(name: &str) -> (&str, Option<usize>) {
+    let name = name.trim();
+    let number = |digits: &str, least: usize| {
+        let is_short = !digits.is_empty() && digits.len() <= 2 && digits.bytes().all(|byte| byte.is_ascii_digit());
+        digits.parse().ok().filter(|number| is_short && (least..=MOST_MOTORS).contains(number))
+    };
+    if let Some((rest, index)) = name.strip_suffix(']').and_then(|name| name.rsplit_once('['))
+        && let Some(index) = number(index, 0).filter(|&index: &usize| index < MOST_MOTORS && !rest.is_empty())
+    {
+        return (rest, Some(index + 1));
+    }
+    if let Some((rest, last)) = name.rsplit_once([' ', '_', '.', '/'])
+        && let Some(digits) = last.strip_prefix("motor").or_else(|| last.strip_prefix(['m', 'M']))
+        && let Some(motor) = number(digits, 1).filter(|_| !rest.is_empty())
+    {
+        return (rest, Some(motor));
+    }
+    (name, None)
 }
 
 /// A name as words in small letters, and the unit behind them: in brackets, or as the last word where it is one.
@@ -570,6 +710,11 @@ mod tests {
             ("pwm_mV", ("voltage", "mV")),
             ("/motor/rpm", ("rpm", "rpm")),
             ("speed_rad/s", ("rpm", "rad/s")),
+            ("eRPM", ("rpm", "erpm")),
+            ("motor_erpm", ("rpm", "erpm")),
+            ("speed (eRPM)", ("rpm", "erpm")),
+            ("eRPM[0]", ("rpm", "erpm")),
+            ("rpm.m1", ("rpm", "rpm")),
         ] {
             let (quantity, unit) = expected;
             assert_eq!(said(&format!("{name},x"))[0], Some((quantity, Some(unit))), "{name}");
@@ -583,7 +728,7 @@ mod tests {
         {
             assert!(matches!(said(&format!("{name},x"))[0], Some((_, None))), "{name}");
         }
-        for name in ["ms", "load (g)", "torque_nm", "motor", "motor_temperature", "eRPM", "x", "esc_command", "s"] {
+        for name in ["ms", "load (g)", "torque_nm", "motor", "motor_temperature", "motor[0]", "x", "esc_command", "s"] {
             assert_eq!(said(&format!("{name},x"))[0], None, "{name}");
         }
     }

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use csv::StringRecord;
 
+use super::ImportError;
 use super::format::Dialect;
 use super::quantity::{Quantity, Unit};
 use super::table::{Table, without_unit};
-use super::{ImportError, plain};
 
 /// Separators, the likeliest first: a comma may be a decimal mark, a semicolon may stand in a remark.
 const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
@@ -32,6 +32,8 @@ pub(super) struct PlainTable<'a> {
     pub(super) header_line: Option<usize>,
     /// What a reader of the record has to know.
     pub(super) notes: Vec<String>,
+    /// How many poles the motor has, as stated.
+    pub(super) motor_poles: Option<u32>,
 }
 
 /// What a log has that cannot be a column as it is.
@@ -70,10 +72,10 @@ impl<'a> PlainTable<'a> {
         let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
         let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-            return Err(ImportError::UnknownFormat {
-                file: file.into(),
-                header: header.trim().chars().take(120).collect(),
-            });
+            let header: String = header.trim().chars().take(120).collect();
+            let problem =
+                format!(": no known log format, and no table: no line of it has two numbers. It begins with: {header}");
+            return Err(ImportError::unknown(file, problem));
         };
         let is_by_blanks = matches!(text, Cow::Owned(_));
         let mut above: Vec<(usize, &str)> = text
@@ -125,7 +127,7 @@ impl<'a> PlainTable<'a> {
             lines => notes.push(format!("{lines} lines of remarks (`#`) among or behind the rows left out")),
         }
         let (labels, beside) = (Vec::new(), Vec::new());
-        Ok(Self { table, units, labels, beside, dialect: &plain::DIALECT, header_line, notes })
+        Ok(Self { table, units, labels, beside, dialect: &Dialect::PLAIN, header_line, notes, motor_poles: None })
     }
 }
 

@@ -16,6 +16,8 @@ pub(super) struct Columns<'a> {
     pub(super) places: &'a [usize],
     pub(super) thrust: Option<(Pick, &'a [f64])>,
     pub(super) speed: Option<(Pick, &'a [f64])>,
+    /// All columns, for messages.
+    pub(super) listed: &'a str,
     /// Voltage and current.
     pub(super) others: Vec<(Pick, &'a [f64])>,
 }
@@ -43,7 +45,7 @@ impl Columns<'_> {
             Output::Rpm => ("speed", "thrust", self.speed),
         };
         let Some(response) = response else {
-            return Err(ImportError::NoSuchOutput { file: self.table.file.clone(), output: output.column() });
+            return Err(ImportError::no_such_output(&self.table.file, output.column(), self.listed));
         };
         let has_both = self.thrust.is_some() && self.speed.is_some();
         let note = match stated {
@@ -67,13 +69,14 @@ impl Columns<'_> {
         let filled = values.iter().filter(|value| !value.is_nan()).count();
         let first = values.iter().position(|value| value.is_nan());
         let Some(first) = first.filter(|_| 2 * filled <= values.len()) else { return Ok(()) };
-        Err(ImportError::MostlyBlank {
-            file: self.table.file.clone(),
-            line: self.table.line(self.places[first]),
-            column: self.table.header[pick.column].clone(),
-            blank: values.len() - filled,
-            rows: values.len(),
-        })
+        Err(ImportError::cell(
+            &self.table.file,
+            self.table.line(self.places[first]),
+            &self.table.header[pick.column],
+            format!("empty, as in {} of {} rows", values.len() - filled, values.len()),
+            "a column that is asked for, or that is the response, needs a number in more than half of the rows: choose another \
+             with --response or --column, or record it at the rate of the other columns",
+        ))
     }
 }
 

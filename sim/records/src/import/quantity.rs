@@ -15,6 +15,9 @@ const N_PER_LBF: f64 = 4.448_221_615_260_5;
 /// DShot numbers of no and of full throttle.
 pub(super) const DSHOT: (f64, f64) = (48.0, 2047.0);
 
+/// How units of electrical revolutions begin.
+pub(super) const ELECTRICAL: &str = "erpm";
+
 /// What a column measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
@@ -69,7 +72,7 @@ impl Quantity {
                 "us (pulse width), percent, dshot, duty (0..1), 0..255, 0..1023, 0..4095, 0..8191 or 0..65535"
             }
             Self::Thrust => "N, gf (also g), kgf (also kg), lbf (also lb) or ozf (also oz)",
-            Self::Speed => "rpm, rev/s or rad/s",
+            Self::Speed => "rpm, rev/s, rad/s, erpm (also electrical rpm) or erpm/100",
             Self::Voltage => "V or mV",
             Self::Current => "A or mA",
         }
@@ -96,6 +99,7 @@ impl Quantity {
                 "esc pwm",
                 "esc pulse",
                 "esc signal",
+                "esc throttle",
             ],
             Self::Thrust => &["thrust", "thrust force", "motor thrust", "propeller thrust", "prop thrust"],
             Self::Speed => &[
@@ -130,6 +134,8 @@ pub(super) enum Scale {
     Pulse,
     /// A number of the DShot protocol: 0 stops the motor, 1 to 47 are orders to the ESC, the rest is its range.
     Dshot,
+    /// Times this, over the pairs of poles: electrical revolutions, of which each turn has one for each pair.
+    Electrical(f64),
     /// A reading of the clock, as in `13:07:59.250`, becomes seconds since midnight.
     Clock,
 }
@@ -176,6 +182,9 @@ const UNITS: &[Unit] = &[
     unit(Quantity::Speed, Scale::Ratio(1.0, 1.0), &["rpm", "rev/min", "r/min", "1/min"]),
     unit(Quantity::Speed, Scale::Ratio(60.0, 1.0), &["rev/s", "rps", "r/s"]),
     unit(Quantity::Speed, Scale::Ratio(30.0, PI), &["rad/s"]),
+    unit(Quantity::Speed, Scale::Electrical(1.0), &[ELECTRICAL, "e-rpm", "electrical rpm"]),
+    // As bidirectional DShot has it, in Betaflight's logs.
+    unit(Quantity::Speed, Scale::Electrical(100.0), &["erpm/100", "100 erpm"]),
     unit(Quantity::Voltage, Scale::Ratio(1.0, 1.0), &["V", "volt", "volts"]),
     unit(Quantity::Voltage, Scale::Ratio(1.0, 1e3), &["mV"]),
     unit(Quantity::Current, Scale::Ratio(1.0, 1.0), &["A", "amp", "amps", "ampere", "amperes"]),
@@ -193,6 +202,20 @@ impl Unit {
     pub(super) fn measured_quantity(text: &str) -> Option<Quantity> {
         let unit = UNITS.iter().find(|unit| text.len() > 1 && unit.is_written(text))?;
         Some(unit.quantity).filter(|quantity| !matches!(quantity, Quantity::Time | Quantity::Command))
+    }
+
+    /// The same of a motor with so many poles: electrical revolutions become the rotor's.
+    pub(super) fn with_poles(self, poles: Option<u32>) -> Self {
+        let scale = match (self.scale, poles) {
+            (Scale::Electrical(times), Some(poles)) => Scale::Ratio(2.0 * times, f64::from(poles)),
+            (scale, _) => scale,
+        };
+        Self { scale, ..self }
+    }
+
+    /// Whether the number of poles is needed to make a rotor's speed of it.
+    pub(super) fn is_electrical(self) -> bool {
+        matches!(self.scale, Scale::Electrical(_))
     }
 
     /// Whether `text` is any unit of any quantity.
@@ -283,7 +306,7 @@ mod tests {
             ("force=load:gf", "`force` is no quantity of a record: time, command, thrust, rpm, voltage, current"),
             ("thrst=load:gf", "current; did you mean `thrust`?"),
             ("thrust=load:ms", "`ms` is no unit of thrust: N, gf"),
-            ("rpm=speed:Hz", "rpm, rev/s or rad/s"),
+            ("rpm=speed:Hz", "rpm, rev/s, rad/s, erpm"),
             ("time=t:-s", "the sign of time is not turned"),
         ] {
             let message = text.parse::<ColumnChoice>().unwrap_err();

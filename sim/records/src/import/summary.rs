@@ -28,6 +28,12 @@ pub struct ImportSummary {
     /// Whether the command was a pulse width, so that the stated range of the ESC signal was used.
     #[serde(skip)]
     pub pulse_widths: bool,
+    /// Whether it is one of several motors, which [`ImportOptions::motor`](super::ImportOptions::motor) takes.
+    #[serde(skip)]
+    pub has_motors: bool,
+    /// Whether the speed was in electrical revolutions, so that the number of poles was used.
+    #[serde(skip)]
+    pub is_electrical: bool,
     /// What a reader of the record has to know.
     pub notes: Vec<String>,
 }

@@ -191,7 +191,7 @@ impl<'a> Table<'a> {
             return Ok(());
         };
         let problem = format!("{found} numbers, but `{}` has {needed}", self.header[*first]);
-        Err(ImportError::Vector { file: self.file.clone(), name: self.header[*column].clone(), problem })
+        Err(ImportError::vector(&self.file, &self.header[*column], problem))
     }
 
     /// The place of the column of that name.
@@ -288,19 +288,22 @@ impl<'a> Table<'a> {
     }
 
     fn text_for_a_number(&self, row: &Row<'_>, column: usize) -> ImportError {
-        let (file, line, text) = (self.file.clone(), row.line, row.text(column));
-        let name = &self.header[column];
+        let (line, text, name) = (row.line, row.text(column), &self.header[column]);
         if text == name {
-            return ImportError::SecondHeader { file, line };
+            let remedy = "two logs are in one file: cut it there and import the parts one by one";
+            return ImportError::value(&self.file, line.to_string(), "the header stands here once more", remedy);
         }
-        ImportError::NotANumber { file, line, column: name.clone(), text: text.into() }
+        let remedy = "correct the value, or delete the row if it is a remark or a damaged line";
+        ImportError::cell(&self.file, line, name, format!("`{text}` is not a finite number"), remedy)
     }
 
     /// The error of a blank in `column` in row `index`.
     pub(super) fn blank(&self, index: usize, column: usize) -> ImportError {
         let (line, text) = (self.line(index), self.at(index, |row| row.text(column).to_owned()).unwrap_or_default());
         let found = if text.is_empty() { String::from("empty") } else { format!("`{text}`") };
-        ImportError::Blank { file: self.file.clone(), line, column: self.header[column].clone(), found }
+        let problem = format!("{found}, though rows before and after have a value");
+        let remedy = "delete the row, or cut the log there and import the parts one by one";
+        ImportError::cell(&self.file, line, &self.header[column], problem, remedy)
     }
 
     /// Finds out what commas in the numbers of `columns` are, and says it.
@@ -331,8 +334,9 @@ impl<'a> Table<'a> {
             (true, false, _) => Comma::Decimal,
             (false, true, _) if is_any => Comma::Thousands,
             (false, false, Some((line, column, text))) => {
-                let column = self.header[column].clone();
-                return Err(ImportError::UnclearComma { file: self.file.clone(), line, column, text });
+                let problem = format!("`{text}` may be a number of thousands or have a decimal comma");
+                let remedy = "export the log with decimal points and without separators of thousands";
+                return Err(ImportError::cell(&self.file, line, &self.header[column], problem, remedy));
             }
             _ => Comma::Wrong,
         };

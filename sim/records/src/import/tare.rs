@@ -27,7 +27,8 @@ impl Taken {
     pub(super) fn tare(&mut self, options: &ImportOptions) -> Result<(), ImportError> {
         let refuse = |problem: String| {
             let needed = "rows at zero command before the run, or after it";
-            Err(ImportError::NoRest { file: self.summary.file.clone(), needed, problem })
+            let remedy = "leave --tare out, or record with the motor at rest for a second before the run";
+            Err(ImportError::missing(&self.summary.file, format!(": --tare needs {needed}, and {problem}"), remedy))
         };
         let is_steady = options.excitation.or(self.usual) == Some(Excitation::Steady);
         let Some(thrust_n) = &self.thrust_n else {

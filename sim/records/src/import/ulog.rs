@@ -6,6 +6,7 @@
 //!   that repeats an ESC's last report, because another ESC answered, is left out.
 //! - The two topics have their own rates: the command is held to the response's stamps, and kept on its own too.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::binary_columns::zero_based_stamps;
@@ -42,12 +43,9 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
         });
     }
     let number = options.motor.unwrap_or(1);
-    let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
-        file: file.into(),
-        signal,
-        known: known.into(),
-        motor: number,
-    };
+    let has: BTreeSet<&str> = log.topics.iter().map(|topic| topic.name).collect();
+    let has: Vec<&str> = has.into_iter().collect();
+    let missing = |signal: &'static str, known: &str| ImportError::missing_signal(file, signal, number, known, &has);
     let mut notes = Vec::new();
     let motor = number.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
 
@@ -75,7 +73,7 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     let range = match options.esc_signal_us {
         _ if !pulse_widths => (0.0, 1.0),
         Some(range) => range,
-        None => return Err(ImportError::NoPulseRange { file: file.into() }),
+        None => return Err(ImportError::no_pulse_range(file)),
     };
     if pulse_widths {
         notes.push(format!(
@@ -160,6 +158,8 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
             dropped: held.dropped,
             timing,
             pulse_widths,
+            is_electrical: false,
+            has_motors: true,
             notes,
         },
         time_s,
@@ -242,11 +242,7 @@ fn samples(
 ) -> Result<Vec<(f64, f64)>, ImportError> {
     let sample = |row: &&[u8]| Some((stamp.read(row)?, place.read(row)?));
     let all: Option<Vec<_>> = topic.rows.iter().map(sample).collect();
-    all.ok_or_else(|| ImportError::Vector {
-        file: file.into(),
-        name: name.into(),
-        problem: "a message is shorter than its format".into(),
-    })
+    all.ok_or_else(|| ImportError::vector(file, name, "a message is shorter than its format"))
 }
 
 /// Bytes as a log, where they are a ULog.

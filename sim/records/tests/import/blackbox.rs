@@ -312,6 +312,74 @@ fn a_log_without_electrical_speed_or_that_motor_is_told() {
     }
 }
 
+/// A log whose speeds are in `debug[]`, as of this firmware and debug mode.
+fn with_debug(revision: &str, debug_mode: u32) -> Vec<u8> {
+    let header = String::from_utf8(header(&FIELDS, revision, 6)).unwrap().replace("eRPM[", "debug[");
+    closed(flight(format!("{header}H debug_mode:{debug_mode}\n").into_bytes(), &FIELDS, FRAMES))
+}
+
+#[test]
+fn older_logs_have_the_speed_in_debug() {
+    for version in ["4.1.0", "4.2.9", "4.4.3", "2025.12.0"] {
+        let log = imported(&with_debug(&format!("Betaflight {version} (79065c96b) STM32F7X2"), 45), 3).unwrap();
+        check_frames(&log, 3, &(STOPPED..FRAMES).collect::<Vec<_>>());
+        let notes = log.summary.notes.join("; ");
+        assert!(notes.contains("`debug[2]`: debug_mode 45 is DSHOT_RPM_TELEMETRY"), "{notes}");
+    }
+    // Another mode, whose numbers are anything; a version whose modes were numbered otherwise.
+    for (version, mode) in [("4.2.9", 46), ("4.2.9", 0), ("4.0.6", 45)] {
+        let text = refusal(imported(&with_debug(&format!("Betaflight {version} (x) Y"), mode), 1));
+        assert!(text.contains(&format!("this one has debug_mode {mode}")) && text.contains("debug[0]"), "{text}");
+    }
+}
+
+#[test]
+fn poles_that_are_stated_go_before_those_of_the_log() {
+    let header = String::from_utf8(header(&FIELDS, REVISION, 6)).unwrap();
+    let without = closed(flight(header.replace("H motor_poles:14\n", "").into_bytes(), &FIELDS, FRAMES));
+    let text = refusal(imported(&without, 1));
+    assert!(text.contains("--motor-poles N"), "{text}");
+    let stated = |bytes: &[u8], poles| {
+        importing::imported(bytes, &ImportOptions { motor_poles: Some(poles), ..options(1, None) }).unwrap()
+    };
+    check_frames(&stated(&without, 14), 1, &(STOPPED..FRAMES).collect::<Vec<_>>());
+    let log = stated(&whole(), 28);
+    assert_eq!(log.experiment.records[0].rpm.as_ref().unwrap()[0], f64::from(erpm(STOPPED, 0)) * 200.0 / 28.0);
+    assert!(log.summary.notes.iter().any(|note| note.contains("28 poles, as stated; the log says 14")));
+}
+
+/// Motors that have their turn one after the other, each for four seconds; the others stand still.
+fn in_turn(motors: &'static [u32]) -> Vec<u8> {
+    let turn = |k: u32, motor: u32| {
+        let place = motors.iter().position(|moving| *moving == motor)?;
+        (k / 4000 == place as u32).then_some(k % 4000)
+    };
+    let command = move |k: u32, motor: u32| turn(k, motor).map_or(48, |k| 400 + 300 * (k / 1000 % 3));
+    let speed = move |k: u32, motor: u32| if command(k, motor) > 48 { command(k, motor) } else { 0 };
+    let frames = 4000 * motors.len() as u32;
+    plain_log(frames, |k| [1, 2, 3, 4].map(|motor| command(k, motor)), |k| [1, 2, 3, 4].map(|motor| speed(k, motor)))
+}
+
+#[test]
+fn of_motors_of_which_the_first_stands_still_the_one_that_moves_is_taken() {
+    let import = |bytes: &[u8], motor| importing::imported(bytes, &ImportOptions { motor, ..ImportOptions::default() });
+    for (moving, number) in [(&[2][..], 2), (&[3], 3), (&[4], 4)] {
+        let log = import(&in_turn(moving), None).unwrap();
+        let notes = log.summary.notes.join("; ");
+        assert!(notes.contains(&format!("taken is motor {number}, the only one that moves")), "{notes}");
+        assert_eq!(log.experiment.records, import(&in_turn(moving), Some(number)).unwrap().experiment.records);
+    }
+    for (moving, named) in [(&[2, 3][..], "2, 3"), (&[4, 2], "2, 4"), (&[2, 3, 4], "2, 3, 4")] {
+        let text = refusal(import(&in_turn(moving), None));
+        assert!(text.contains(&format!("motor 1 stands still, and motors {named} move")), "{text}");
+        assert!(text.contains("`--motor 2`"), "{text}");
+        assert!(import(&in_turn(moving), Some(2)).is_ok());
+    }
+    // None moves.
+    let text = refusal(import(&plain_log(500, |_| [48; 4], |_| [0; 4]), None));
+    assert!(text.contains("the command is 0 in all"), "{text}");
+}
+
 #[test]
 fn headers_that_leave_the_units_open_are_refused() {
     let edited = |from: &str, to: &str| {

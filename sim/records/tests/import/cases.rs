@@ -59,6 +59,14 @@ fn columns_of_a_matlab_file_are_stated() {
 }
 
 #[test]
+fn a_random_binary_command_is_seen() {
+    let Some(found) = imported("prbs-not-named/log.csv", None, &["command=command:duty"]) else { return };
+    let Import { experiment, summary } = found.unwrap();
+    assert_eq!(experiment.records[0].excitation, Excitation::Random);
+    assert!(summary.notes.iter().any(|note| note.contains("random, as its switching shows")), "{:?}", summary.notes);
+}
+
+#[test]
 fn of_two_speeds_the_one_is_taken_that_the_thrust_agrees_with() {
     let columns = ["command=ESC signal:dshot"];
     let Some(found) = imported("slower-of-two-speeds/log.csv", Some(Excitation::Staircase), &columns) else { return };

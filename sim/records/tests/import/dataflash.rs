@@ -304,7 +304,7 @@ fn a_log_cut_anywhere_gives_its_whole_messages_or_an_error() {
                 assert_eq!(record.rpm.as_ref().unwrap()[..], whole.rpm.as_ref().unwrap()[..rows]);
                 assert_eq!(record.command[..], whole.command[..rows]);
             }
-            Err(ImportError::Empty { .. }) if length == 0 => {}
+            Err(ImportError::NotALog { .. }) if length == 0 => {}
             Err(error) => assert!(error.to_string().contains("log.csv"), "{error}"),
         }
     }

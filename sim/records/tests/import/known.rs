@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_records::import::{Import, ImportError, ImportOptions, Place, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{imported, message, sample};
@@ -77,7 +77,7 @@ fn the_range_of_the_esc_signal_can_be_stated() {
     assert_eq!(experiment.records[0].command[0], 0.125);
     let narrow = ImportOptions { esc_signal_us: Some((1000.0, 1250.0)), ..ImportOptions::default() };
     let error = import(&sample("rcbenchmark.csv"), &narrow).unwrap_err();
-    assert!(matches!(error, ImportError::OutOfRange { line: Place::Line(122), value: 1300.0, .. }), "{error:?}");
+    assert!(error.to_string().contains("line 122, column `ESC signal (µs)`: 1300 is outside 1000..1250"), "{error}");
     for esc_signal_us in [(2000.0, 1000.0), (1000.0, f64::NAN)] {
         let options = ImportOptions { esc_signal_us: Some(esc_signal_us), ..ImportOptions::default() };
         let error = import(&sample("rcbenchmark.csv"), &options).unwrap_err();
@@ -220,7 +220,7 @@ fn a_log_whose_command_never_changes_says_so() {
 #[test]
 fn an_empty_file_is_called_empty() {
     for text in ["", "\n\n  \n"] {
-        assert!(matches!(written(text), Err(ImportError::Empty { .. })));
+        assert!(message(written(text)).contains("the file is empty"));
     }
 }
 

@@ -3,6 +3,7 @@
 mod blackbox;
 mod cases;
 mod dataflash;
+mod formats;
 mod importing;
 mod known;
 mod mat;

@@ -112,6 +112,18 @@ fn points(times: impl Fn(usize) -> f64) -> String {
     text
 }
 
+/// Packets of nine bytes, as a ground station logs them.
+fn telemetry(mark: u8, flags: u8) -> Vec<u8> {
+    let head = if mark == 0xfe { 6 } else { 10 };
+    let packet = |k: u64| {
+        let mut packet = (1_700_000_000_000_000 + 250_000 * k).to_be_bytes().to_vec();
+        packet.extend([mark, 9, flags]);
+        packet.resize(8 + head + 9 + 2 + 13 * usize::from(flags), 0);
+        packet
+    };
+    (0..50).flat_map(packet).collect()
+}
+
 /// Every input: what it is, its bytes, options, and what the message has to say.
 type Wrong = (&'static str, Vec<u8>, &'static str, &'static [&'static str]);
 
@@ -133,6 +145,15 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
         ("JPEG", b"\xff\xd8\xff\xe0....".to_vec(), "", &["a picture (JPEG)", "give the log itself"]),
         ("PDF", b"%PDF-1.7\n....".to_vec(), "", &["a PDF document", "give the log itself"]),
         ("SQLite", b"SQLite format 3\0....".to_vec(), "", &["an SQLite database", "as CSV"]),
+        (
+            "tlog of MAVLink 1",
+            telemetry(0xfe, 0),
+            "",
+            &["a MAVLink telemetry log (.tlog)", ".bin of ArduPilot, .ulg of PX4"],
+        ),
+        ("tlog of MAVLink 2", telemetry(0xfd, 0), "", &["a MAVLink telemetry log (.tlog)", "that the autopilot wrote"]),
+        ("signed tlog", telemetry(0xfd, 1), "", &["a MAVLink telemetry log (.tlog)", "that the autopilot wrote"]),
+        ("no tlog", telemetry(0xfc, 0), "", &["belongs in no text"]),
         ("web page", b"<!DOCTYPE html>\n<html>1,2</html>".to_vec(), "", &["a web page", "download the log itself"]),
         (
             "null bytes",

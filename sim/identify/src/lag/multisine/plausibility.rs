@@ -14,6 +14,7 @@ use crate::estimate::MAX_RELATIVE_STD;
 use crate::goodness_of_fit::MODEL_LEVEL;
 use crate::lag::first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
 use crate::rows::clipping::ClippingLimit;
+use crate::rows::ripple::Ripple;
 use crate::rows::spikes::without_spikes;
 use crate::spectra::Spectrum;
 
@@ -51,7 +52,9 @@ pub(crate) fn check_rows(record: &Record, response: &[f64], limits: &[ClippingLi
     let spikes = jumps(response);
     if let Some(&first) = spikes.first() {
         let at_s = record.time_s.get(first).copied().unwrap_or_default();
-        found.push(IdentifyWarning::Jumps { file: file(), rows: spikes.len(), at_s });
+        let (clean, is_spike) = without_spikes(response);
+        let beat_hz = Ripple::find(&record.time_s, response, &clean, &is_spike).map(|ripple| ripple.frequency_hz);
+        found.push(IdentifyWarning::Jumps { file: file(), rows: spikes.len(), at_s, beat_hz });
     }
     if let Some((first, rows)) = frozen(response, limits) {
         let from_s = record.time_s.get(first).copied().unwrap_or_default();

@@ -166,9 +166,10 @@ pub enum IdentifyWarning {
     /// Readings that no motor can have made.
     #[error(
         "{file}: {}, and {} in the fit",
-        match rows {
-            1 => format!("one reading jumps away and back, at {at_s:.3} s"),
-            rows => format!("{rows} readings jump away and back, the first at {at_s:.3} s"),
+        match (rows, beat_hz) {
+            (rows, Some(beat_hz)) => format!("a steady ripple of {beat_hz:.1} Hz: {rows} readings are off each time it comes round"),
+            (1, None) => format!("one reading jumps away and back, at {at_s:.3} s"),
+            (rows, None) => format!("{rows} readings jump away and back, the first at {at_s:.3} s"),
         },
         if *rows == 1 { "is" } else { "are" }
     )]
@@ -180,6 +181,8 @@ pub enum IdentifyWarning {
         rows: usize,
         /// The time of the first, seconds.
         at_s: f64,
+        /// How often they come where that is at a steady beat, hertz.
+        beat_hz: Option<f64>,
     },
     /// A sensor that stopped.
     #[error(

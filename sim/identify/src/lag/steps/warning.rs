@@ -66,6 +66,17 @@ pub enum StepsWarning {
         /// What they are readings of.
         column: &'static str,
     },
+    /// Readings that are off at a steady beat were left out.
+    Ripple {
+        /// How many.
+        rows: usize,
+        /// What they are readings of.
+        column: &'static str,
+        /// How often they come, hertz.
+        frequency_hz: f64,
+        /// How far they are off, in the column's unit.
+        off_by: f64,
+    },
     /// A part of the record was left out.
     PartLeftOut {
         /// From when, seconds; `None` from its first row on.
@@ -158,6 +169,12 @@ impl fmt::Display for StepsWarning {
             Self::Spikes { rows, column } => write!(
                 f,
                 "{rows} readings of {column} jump away and back; they were left out. Look at that sensor if there are many"
+            ),
+            Self::Ripple { rows, column, frequency_hz, off_by } => write!(
+                f,
+                "{column} has a steady ripple of {frequency_hz:.1} Hz: {rows} readings are off by some {} each time it comes round; \
+                 they were left out. Look for what beats so: telemetry whose slots meet the log's, a count that is read while it changes",
+                if *off_by < 100.0 { format!("{off_by:.3}") } else { format!("{off_by:.0}") }
             ),
             Self::PartLeftOut { from_s, until_s, reason } => {
                 match (from_s, until_s) {

@@ -9,6 +9,7 @@ use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
 use super::{LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 use crate::rows::gaps::rows_after_gaps;
+use crate::rows::ripple::Ripple;
 
 /// A standard deviation between steps above this share is reported. Chosen: a third of the most that logs of thrust stands show, 0.15; a
 /// compensator hardly changes with less.
@@ -51,7 +52,15 @@ pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<S
     part(from, record.time_s.len());
     let spikes = runs.iter().flat_map(|run| &run.spike[run.rows()]).filter(|spike| **spike).count();
     if spikes > 0 {
-        warnings.push(StepsWarning::Spikes { rows: spikes, column: output.column() });
+        let response = record.response(output).unwrap_or_default();
+        let ripple = Ripple::find(&record.time_s, response, &runs[0].clean, &runs[0].spike);
+        let column = output.column();
+        warnings.push(match ripple {
+            Some(Ripple { frequency_hz, off_by }) => {
+                StepsWarning::Ripple { rows: spikes, column, frequency_hz, off_by }
+            }
+            None => StepsWarning::Spikes { rows: spikes, column },
+        });
     }
     for run in runs {
         for limit in &run.limits {
