@@ -30,6 +30,7 @@ use crate::select::explanation::{Explanation, FoundEffect};
 use crate::select::prior_model::{self, ParameterMismatch};
 use crate::select::search::Search;
 use crate::select::tried::Tried;
+use crate::square_of_speed;
 
 /// How it is done.
 #[derive(Clone, Copy)]
@@ -77,6 +78,17 @@ pub struct Options<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    let found = diagnose_response(experiment, options)?;
+    let square = || {
+        // A given model is of thrust.
+        let speeds = options.model.is_none().then(|| square_of_speed::as_speeds(experiment, &found)).flatten()?;
+        square_of_speed::explained(&found, &speeds, diagnose_response(&speeds, options).ok()?)
+    };
+    Ok(square().unwrap_or(found))
+}
+
+/// [`diagnose`] of the response as it is.
+fn diagnose_response(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
     let mut data = Dataset::new(experiment, options.model.is_some())?;
     data.check_fitted()?;
     data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
@@ -214,6 +226,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         left_out: data.left_out.clone(),
         conditions: Conditions::from_experiment(experiment, likelihood),
         map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
+        square_of_speed: None,
         residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),
         records,
         held_out,

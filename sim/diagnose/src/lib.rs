@@ -19,6 +19,7 @@ mod plan;
 mod policy;
 mod propose;
 mod select;
+mod square_of_speed;
 #[cfg(test)]
 mod testing;
 
@@ -43,3 +44,4 @@ pub use plan::NextExperiment;
 pub use policy::Policy;
 pub use select::decision::Decision;
 pub use select::weak_evidence::WeakEvidence;
+pub use square_of_speed::SquareOfSpeed;

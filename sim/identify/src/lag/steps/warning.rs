@@ -12,6 +12,11 @@ pub enum LeftOut {
         /// The highest such level over the highest of all.
         share: f64,
     },
+    /// The command is zero, and the reading repeats an old value.
+    Frozen {
+        /// The value, response units.
+        at: f64,
+    },
     /// Levels are too short, or alone.
     Short,
 }
@@ -27,6 +32,10 @@ impl fmt::Display for LeftOut {
                 "the motor stands still or idles there, at {:.1} % of its highest level at most. If it runs, correct the \
                  sensor's zero",
                 100.0 * share
+            ),
+            Self::Frozen { at } => write!(
+                f,
+                "the command is zero and the reading stands on {at}, as telemetry does that repeats its last value once the motor is off"
             ),
             Self::Short => f.write_str("no two levels in a row are long enough to settle there"),
         }

@@ -30,12 +30,14 @@ pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<S
         }
         let inside = || all.iter().filter(|p| p.rows.start < until && p.rows.end > from);
         let idle = inside().filter(|p| p.state == PlateauState::Idle).map(|p| p.mean / highest).reduce(f64::max);
-        let reason = match idle {
-            Some(share) => LeftOut::Idle { share },
-            None if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
+        let frozen = inside().find(|p| p.state == PlateauState::Frozen);
+        let reason = match (frozen, idle) {
+            (Some(frozen), _) => LeftOut::Frozen { at: frozen.mean },
+            (None, Some(share)) => LeftOut::Idle { share },
+            (None, None) if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
             // Of the level that a run begins with, what comes before it has settled.
-            None if inside().all(|p| p.state == PlateauState::Running) => LeftOut::NotSteady,
-            None => LeftOut::Short,
+            (None, None) if inside().all(|p| p.state == PlateauState::Running) => LeftOut::NotSteady,
+            (None, None) => LeftOut::Short,
         };
         warnings.push(StepsWarning::PartLeftOut {
             from_s: (from > 0).then(|| record.time_s[from]),
