@@ -2,17 +2,20 @@
 //! means.
 //!
 //! At steps of one size both look alike, as either lasts equally long at each of them. So they are tried beside each other, and beside a
-//! filter, which differs from both by its tail; one is named where it explains the most, and both where the records cannot tell.
+//! dead time and a filter, which differ from both by where a response begins and ends; one is named where it explains the most, and both
+//! where the records cannot tell.
 
 use rotorlead_diagnose::{Diagnosis, Options, diagnose};
-use rotorlead_plant::effect::{moving_average, second_pole, slew_limit};
+use rotorlead_plant::effect::{moving_average, second_pole, slew_limit, transport_delay};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 
 use crate::remedy;
 
 /// What is tried.
-const RIVALS: [&str; 3] = [slew_limit::ID, moving_average::ID, second_pole::ID];
+const RIVALS: [&str; 4] = [slew_limit::ID, transport_delay::ID, moving_average::ID, second_pole::ID];
+/// What a model that has it is not asked for.
+const IMITATED: [&str; 2] = [slew_limit::ID, moving_average::ID];
 /// With the effect in the model, what is left beyond noise has to shrink to this part of its power. Chosen: it then explains more than all
 /// else together; less would name what other effects imitate.
 const SHRINKS_TO: f64 = 0.5;
@@ -38,7 +41,7 @@ impl ImitatedLag {
     /// The effect that explains the most of what the lags of `model` leave: of that which a diagnosis has `found`, if there was one. A
     /// model that has one of them is not asked.
     pub fn find(experiment: &Experiment, model: &Model, found: Option<&Diagnosis>) -> Option<Self> {
-        if model.effects.iter().any(|effect| RIVALS.contains(&effect.kind.as_str())) {
+        if model.effects.iter().any(|effect| IMITATED.contains(&effect.kind.as_str())) {
             return None;
         }
         if let Some(found) = found {

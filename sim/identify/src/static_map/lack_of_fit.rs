@@ -8,6 +8,7 @@ use rotorlead_numerics::least_squares::Solution;
 
 use super::points::SteadyPoint;
 use super::shape::{self, MapTerms};
+use crate::lag::steps::Direction;
 
 /// Points by increasing command that are one level, as ranges of them: within `same` of the first.
 fn levels(points: &[SteadyPoint], same: f64) -> impl Iterator<Item = std::ops::Range<usize>> {
@@ -18,26 +19,40 @@ fn levels(points: &[SteadyPoint], same: f64) -> impl Iterator<Item = std::ops::R
     })
 }
 
-/// Standard deviation of what visits of the same level differ by beside the map and its hysteresis, in units of their own standard errors;
-/// `None` where no level was visited twice, or the hysteresis takes all that they differ by.
+/// Standard deviation of what visits of the same level differ by beside hysteresis, in units of their own standard errors; `None` where no
+/// level was visited twice, or the hysteresis takes all that they differ by.
+///
+/// The width of the hysteresis is the one by which the visits themselves differ least: that of a curve that misses levels bends to them.
 pub(super) fn excess_between_visits(
     shape: &MapTerms,
     parameters: &[f64],
     (points, std): (&[SteadyPoint], &[f64]),
     same: f64,
 ) -> Option<f64> {
-    let left = |k: usize| {
-        let point = &points[k];
-        (point.response - shape.response(parameters, point.command, Some(point.direction))) / std[k]
-    };
-    let (mut sum, mut dof) = (0.0, 0);
+    // Both about the middle of their level: what is left of the curve without hysteresis, and what a hysteresis of one adds to it.
+    let (mut left, mut added) = (Vec::new(), Vec::new());
+    let mut dof = 0;
     for level in levels(points, same) {
-        let mean = level.clone().map(left).sum::<f64>() / level.len() as f64;
-        sum += level.clone().map(|k| (left(k) - mean).powi(2)).sum::<f64>();
+        let own_left = |k: usize| (points[k].response - shape.response(parameters, points[k].command, None)) / std[k];
+        let own_added = |k: usize| {
+            let at = |moved: f64| shape.response(parameters, points[k].command + moved, None);
+            // Derived: a difference over a thousandth of the range is off by its square, 1e-6 of a curve's bend.
+            let step = 1e-3 * shape.half_range;
+            let sign = if points[k].direction == Direction::Up { -0.5 } else { 0.5 };
+            sign * (at(step) - at(-step)) / (2.0 * step) / std[k]
+        };
+        let mean = |of: &dyn Fn(usize) -> f64| level.clone().map(of).sum::<f64>() / level.len() as f64;
+        let (mean_left, mean_added) = (mean(&own_left), mean(&own_added));
+        left.extend(level.clone().map(|k| own_left(k) - mean_left));
+        added.extend(level.clone().map(|k| own_added(k) - mean_added));
         dof += level.len() - 1;
     }
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let by_hysteresis = if shape.hysteresis { dot(&left, &added).powi(2) / dot(&added, &added) } else { 0.0 };
     let dof = dof.checked_sub(usize::from(shape.hysteresis)).filter(|dof| *dof > 0)?;
-    Some((sum / dof as f64).sqrt())
+    // Visits in one direction alone leave hysteresis nothing: 0 / 0.
+    let by_hysteresis = if by_hysteresis.is_finite() { by_hysteresis } else { 0.0 };
+    Some(((dot(&left, &left) - by_hysteresis).max(0.0) / dof as f64).sqrt())
 }
 
 /// The shape that predicts each level best from the others, fitted to all: the least sum of squares of what predictions miss by. One that

@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use rotorlead_numerics::least_squares::{Residuals, Solution, StoppingCriteria, minimize};
 
 use super::points::SteadyPoint;
-use crate::lag::steps::Direction;
+use crate::lag::steps::{Direction, SAME_LEVEL};
 
 /// Which terms a candidate has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,10 +145,10 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64], least_do
             best = Some(found);
         }
     }
-    // A limit beyond the points is none.
-    best.filter(|s| {
-        shape.limit_index().is_none_or(|k| s.parameters[k] < points.iter().map(|p| p.command).fold(0.0, f64::max))
-    })
+    // A limit is where the response is the same at two levels or more: one alone is the end of a curve.
+    let top = points.iter().map(|p| p.command).fold(f64::NEG_INFINITY, f64::max);
+    let second = points.iter().map(|p| p.command).filter(|u| *u < top - SAME_LEVEL).fold(f64::NEG_INFINITY, f64::max);
+    best.filter(|s| shape.limit_index().is_none_or(|k| s.parameters[k] < second))
 }
 
 #[cfg(test)]

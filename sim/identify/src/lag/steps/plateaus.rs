@@ -146,7 +146,7 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
         let is_frozen =
             plateau.command.abs() <= SAME_LEVEL && settled[0] != 0.0 && settled.iter().all(|y| *y == settled[0]);
         if is_frozen {
-            plateau.state = PlateauState::Frozen;
+            (plateau.state, plateau.mean) = (PlateauState::Frozen, settled[0]);
         }
     }
     // A sensor that never scatters may well read the same of a motor that idles.

@@ -137,6 +137,11 @@ pub enum StepsWarning {
         /// Its standard error.
         std: f64,
     },
+    /// Large steps are those of a thrust that is the square of a speed with a first-order lag.
+    Square {
+        /// Time constants of that speed up and down, seconds, where there are such steps.
+        time_constants_s: [Option<f64>; 2],
+    },
     /// The response begins before the command.
     NegativeDelay {
         /// The delay, seconds.
@@ -225,6 +230,16 @@ impl fmt::Display for StepsWarning {
                 "large steps slow down as the rotor does, as drag makes them (curvature of the lag {curvature:.2}, standard error \
                  {std:.2}); time constants are those of small motions"
             ),
+            Self::Square { time_constants_s: [up, down] } => {
+                let lags = [(up, "up"), (down, "down")].into_iter();
+                let lags = lags.filter_map(|(tau, way)| Some(format!("{:.1} ms {way}", 1e3 * (*tau)?)));
+                write!(
+                    f,
+                    "large steps are those of a thrust that is the square of a speed, which lags {}; the model has the lag of thrust in \
+                     small motions",
+                    lags.collect::<Vec<_>>().join(" and ")
+                )
+            }
             Self::NegativeDelay { delay_s } => write!(
                 f,
                 "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The \
