@@ -18,6 +18,7 @@ use rotorlead_records::{Experiment, Output};
 use serde::Serialize;
 
 use crate::assess::gap::Gap;
+use crate::assess::verdict::Verdict;
 use crate::outcome::Diagnosis;
 
 /// What the square imitates in thrust.
@@ -37,11 +38,12 @@ pub struct SquareOfSpeed {
     pub time_constants_s: Vec<f64>,
 }
 
-/// The square roots of thrust as the speeds of `experiment`, where `found` names of it what the square imitates.
+/// The square roots of thrust as the speeds of `experiment`, where `found` names of it what the square imitates, or does not explain it.
 pub(crate) fn as_speeds(experiment: &Experiment, found: &Diagnosis) -> Option<Experiment> {
     let is_imitated = found.effects.iter().any(|effect| IMITATED.contains(&effect.kind.id));
     let is_steps = experiment.records.iter().all(|record| !record.excitation.is_periodic());
-    if !is_imitated || !is_steps || experiment.output != Output::ThrustN {
+    let is_open = matches!(found.verdict, Verdict::PartlyNamed | Verdict::Unknown);
+    if !(is_imitated || is_open) || !is_steps || experiment.output != Output::ThrustN {
         return None;
     }
     let mut speeds = Experiment { output: Output::Rpm, ..experiment.clone() };

@@ -171,11 +171,12 @@ fn text(found: &Diagnosis) -> Vec<String> {
 /// That the square root of thrust was diagnosed, and why.
 fn square_of_speed(square: &SquareOfSpeed) -> String {
     let time_constants: Vec<String> = square.time_constants_s.iter().map(|tau| format!("{:.1}", 1e3 * tau)).collect();
+    let with =
+        if square.instead_of.is_empty() { String::new() } else { format!(" with {}", square.instead_of.join(" and ")) };
     format!(
-        "Thrust is taken as the square of a speed, whose time constant is {} ms: that explains the steps better than a lag of thrust with \
-         {}, which leaves a gap of {:.2} %. Gaps and effects are those of the square root of thrust.",
+        "Thrust is taken as the square of a speed, whose time constant is {} ms: that explains the steps better than a lag of thrust{with}, \
+         which leaves a gap of {:.2} %. Gaps and effects are those of the square root of thrust.",
         time_constants.join(", "),
-        square.instead_of.join(" and "),
         100.0 * square.gap_of_thrust.after
     )
 }

@@ -33,13 +33,16 @@ pub(super) fn excess_between_visits(
     let (mut left, mut added) = (Vec::new(), Vec::new());
     let mut dof = 0;
     for level in levels(points, same) {
-        let own_left = |k: usize| (points[k].response - shape.response(parameters, points[k].command, None)) / std[k];
+        // One for all visits: what the curve misses the level by is none of their differences.
+        let level_std = (level.clone().map(|k| std[k] * std[k]).sum::<f64>() / level.len() as f64).sqrt();
+        let own_left =
+            |k: usize| (points[k].response - shape.response(parameters, points[k].command, None)) / level_std;
         let own_added = |k: usize| {
             let at = |moved: f64| shape.response(parameters, points[k].command + moved, None);
             // Derived: a difference over a thousandth of the range is off by its square, 1e-6 of a curve's bend.
             let step = 1e-3 * shape.half_range;
             let sign = if points[k].direction == Direction::Up { -0.5 } else { 0.5 };
-            sign * (at(step) - at(-step)) / (2.0 * step) / std[k]
+            sign * (at(step) - at(-step)) / (2.0 * step) / level_std
         };
         let mean = |of: &dyn Fn(usize) -> f64| level.clone().map(of).sum::<f64>() / level.len() as f64;
         let (mean_left, mean_added) = (mean(&own_left), mean(&own_added));

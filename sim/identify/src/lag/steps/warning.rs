@@ -227,8 +227,8 @@ impl fmt::Display for StepsWarning {
             ),
             Self::Curved { curvature, std } => write!(
                 f,
-                "large steps slow down as the rotor does, as drag makes them (curvature of the lag {curvature:.2}, standard error \
-                 {std:.2}); time constants are those of small motions"
+                "large steps slow down as the rotor does, as drag makes them, or a thrust that goes with the square of the speed (curvature of \
+                 the lag {curvature:.2}, standard error {std:.2}); time constants are those of small motions"
             ),
             Self::Square { time_constants_s: [up, down] } => {
                 let lags = [(up, "up"), (down, "down")].into_iter();
