@@ -22,6 +22,7 @@ mod select;
 mod square_of_speed;
 #[cfg(test)]
 mod testing;
+mod through_levels;
 
 pub use assess::conditions::Conditions;
 pub use assess::gap::{Gap, RecordGap, Residual};

@@ -23,10 +23,6 @@ use crate::outcome::Diagnosis;
 
 /// What the square imitates in thrust.
 const IMITATED: [&str; 2] = [asymmetric_lag::ID, operating_point_lag::ID];
-/// What is left beyond noise has to shrink to this part of its power. Chosen: the square then explains more than all that a lag of thrust
-/// leaves otherwise; both have as many numbers.
-const SHRINKS_TO: f64 = 0.5;
-
 /// Thrust that is the square of a speed, which was diagnosed in place of thrust.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SquareOfSpeed {
@@ -56,8 +52,7 @@ pub(crate) fn as_speeds(experiment: &Experiment, found: &Diagnosis) -> Option<Ex
 
 /// The diagnosis of `speeds` as one of thrust, where it explains more than `found` does.
 pub(crate) fn explained(found: &Diagnosis, speeds: &Experiment, mut of_speeds: Diagnosis) -> Option<Diagnosis> {
-    let beyond_noise = |gap: Gap| (gap.after * gap.after - gap.noise_floor * gap.noise_floor).max(0.0);
-    if beyond_noise(of_speeds.gap) >= SHRINKS_TO * beyond_noise(found.gap) {
+    if !of_speeds.gap.explains_more_than(found.gap) {
         return None;
     }
     of_speeds.square_of_speed = Some(SquareOfSpeed {
