@@ -7,8 +7,8 @@
 mod comparison;
 pub mod fleet;
 mod gain;
+mod imitated_lag;
 mod other_output;
-mod ramp;
 mod residual;
 
 pub use comparison::{Compared, ComparisonError, Difference, LagParameter, compare};
@@ -16,6 +16,7 @@ pub use gain::dead_time_remedy;
 pub use other_output::OtherOutput;
 pub use residual::{SIGNIFICANCE, SMALLEST_ERROR_PERCENT, error_percent, records_with_model_error};
 
+use imitated_lag::ImitatedLag;
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::check::{Findings, check_rate, check_record};
 use rotorlead_identify::error::IdentifyError;
@@ -145,8 +146,8 @@ impl Objections {
                     // What a model misses of other records than those it was fitted to may be another motor's.
                     let is_of_them = records.iter().any(|record| record.fitted == Some(true));
                     let found = diagnosis.map(|(found, _)| found);
-                    let ramp_per_s = if is_of_them { ramp::ramp_per_s(experiment, model, found) } else { None };
-                    self.add_error(record, ramp_per_s, diagnosis.map(|(_, in_short)| in_short));
+                    let imitated = is_of_them.then(|| ImitatedLag::find(experiment, model, found)).flatten();
+                    self.add_error(record, imitated, diagnosis.map(|(_, in_short)| in_short));
                 }
             }
         }
@@ -166,7 +167,7 @@ impl Objections {
     }
 
     /// Of a record that shows the model to be wrong, with what a diagnosis `found` in place of the advice to ask one.
-    fn add_error(&mut self, record: &RecordValidation, ramp_per_s: Option<f64>, found: Option<&str>) {
+    fn add_error(&mut self, record: &RecordValidation, imitated: Option<ImitatedLag>, found: Option<&str>) {
         let mut add = |word, reason: String, advice: &str| {
             let more = found.map_or_else(|| advice.to_owned(), |found| format!("; {found}"));
             self.add(word, reason + &more);
@@ -176,13 +177,9 @@ impl Objections {
             error_percent(record),
             record.file
         );
-        if let Some(rate_per_s) = ramp_per_s {
-            let reason = format!(
-                "the ESC seems to ramp its command, by {rate_per_s:.2} of the range in a second, which explains most of what the \
-                 lag misses"
-            );
-            let advice = format!(": {}; or see `rotorlead diagnose`", remedy(ramp::KIND));
-            add(Readiness::NotALag, reason, &advice);
+        if let Some(imitated) = imitated {
+            let advice = format!(": {}; or see `rotorlead diagnose`", imitated.advice());
+            add(Readiness::NotALag, imitated.reason(), &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
             add(Readiness::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {

@@ -30,6 +30,8 @@ use crate::select::explanation::{Explanation, FoundEffect};
 use crate::select::prior_model::{self, ParameterMismatch};
 use crate::select::search::Search;
 use crate::select::tried::Tried;
+use crate::square_of_speed;
+use crate::through_levels;
 
 /// How it is done.
 #[derive(Clone, Copy)]
@@ -77,9 +79,36 @@ pub struct Options<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    let found = diagnose_with_map(experiment, options)?;
+    let square = || {
+        // A given model is of thrust.
+        let speeds = options.model.is_none().then(|| square_of_speed::as_speeds(experiment, &found)).flatten()?;
+        square_of_speed::explained(&found, &speeds, diagnose_with_map(&speeds, options).ok()?)
+    };
+    Ok(square().unwrap_or(found))
+}
+
+/// [`diagnose`] of the response as it is; with the command through the measured map, where that explains more.
+fn diagnose_with_map(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    let found = diagnose_response(experiment, options, None)?;
+    let through = || {
+        let curve = through_levels::measured_curve(experiment, &found)?;
+        let through = diagnose_response(experiment, options, Some(curve)).ok()?;
+        through.gap.explains_more_than(found.gap).then_some(through)
+    };
+    Ok(through().unwrap_or(found))
+}
+
+/// [`diagnose`] with lags around the nominal commands, or through a `measured` curve of levels.
+fn diagnose_response(
+    experiment: &Experiment,
+    options: &Options,
+    measured: Option<(OperatingCurve, Vec<Lag>)>,
+) -> Result<Diagnosis, DiagnoseError> {
     let mut data = Dataset::new(experiment, options.model.is_some())?;
     data.check_fitted()?;
-    data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
+    let given = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
+    data.curve = given.or(measured);
     let base = first_model(experiment, &data, options.model)?;
     let lags = Hypothesis::from_lags(base.clone());
     let no_lag = DiagnoseError::NoFit { what: "a first-order lag" };
@@ -214,6 +243,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         left_out: data.left_out.clone(),
         conditions: Conditions::from_experiment(experiment, likelihood),
         map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
+        square_of_speed: None,
         residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),
         records,
         held_out,

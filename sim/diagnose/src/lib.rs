@@ -19,8 +19,10 @@ mod plan;
 mod policy;
 mod propose;
 mod select;
+mod square_of_speed;
 #[cfg(test)]
 mod testing;
+mod through_levels;
 
 pub use assess::conditions::Conditions;
 pub use assess::gap::{Gap, RecordGap, Residual};
@@ -43,3 +45,4 @@ pub use plan::NextExperiment;
 pub use policy::Policy;
 pub use select::decision::Decision;
 pub use select::weak_evidence::WeakEvidence;
+pub use square_of_speed::SquareOfSpeed;

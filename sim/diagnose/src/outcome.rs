@@ -21,6 +21,7 @@ use crate::likelihood::excess::Excess;
 use crate::policy::Policy;
 use crate::select::decision::Decision;
 use crate::select::weak_evidence::WeakEvidence;
+use crate::square_of_speed::SquareOfSpeed;
 
 /// An effect that is named.
 #[derive(Clone, Debug, Serialize)]
@@ -102,6 +103,10 @@ pub struct Diagnosis {
     /// What became of each kind, of records that do not repeat.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub decisions: Vec<Decision>,
+    /// That thrust is the square of a speed, where that explains more than what a lag of thrust needs beside it: effects, gaps and locations
+    /// are then those of the square root of thrust.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub square_of_speed: Option<SquareOfSpeed>,
     /// Whose delay it is, where records that do not repeat show one.
     #[serde(rename = "delay", skip_serializing_if = "Option::is_none")]
     pub lateness: Option<Lateness>,

@@ -4,7 +4,8 @@ use rotorlead_answer::words::sentence;
 use rotorlead_answer::{Answer, Cell, Column, ColumnSpec, Table, Tone, Unit, Verdict as Said, build_table};
 use rotorlead_assess::{AssessmentContext, assess};
 use rotorlead_diagnose::{
-    Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
+    Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, SquareOfSpeed, TriedKind,
+    Verdict,
 };
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_identify::identification::IdentifyOptions;
@@ -73,6 +74,10 @@ fn names(found: &Diagnosis) -> String {
 /// What it found, in a clause.
 pub fn found_in_short(found: &Diagnosis) -> String {
     match found.verdict {
+        Verdict::Agrees if found.square_of_speed.is_some() => {
+            "the diagnosis finds that thrust is the square of a speed, which lags alike up and down, and noise"
+                .to_owned()
+        }
         Verdict::Agrees => "the diagnosis finds noise alone".to_owned(),
         Verdict::Named => format!("the diagnosis names {}", names(found)),
         Verdict::PartlyNamed => format!("the diagnosis names {}, and more than noise is left", names(found)),
@@ -102,6 +107,9 @@ pub fn diagnosed_model(experiment: &Experiment, given: Option<&Model>, found: &D
 fn headline(found: &Diagnosis) -> String {
     let names = || names(found);
     match found.verdict {
+        Verdict::Agrees if found.square_of_speed.is_some() => {
+            "A lag of thrust misses that thrust is the square of a speed: with that the residual is noise.".to_owned()
+        }
         Verdict::Agrees if found.minor.is_empty() => "Model and measurement agree: the residual is noise.".to_owned(),
         Verdict::Agrees => "Model and measurement agree: the residual is noise and what does not matter.".to_owned(),
         Verdict::Named => format!("Missing in the model: {}.", names()),
@@ -115,6 +123,11 @@ fn headline(found: &Diagnosis) -> String {
             };
             format!("Missing in the model: {}. A part of the residual stays unexplained{by}.", names())
         }
+        Verdict::Unknown if found.square_of_speed.is_some() => format!(
+            "A lag of thrust misses that thrust is the square of a speed. A lag of that speed misses {:.1} % of its response, and no effect \
+             of the catalog explains it.",
+            100.0 * found.gap.before
+        ),
         Verdict::Unknown if found.has_free_map => format!(
             "One lag with the measured static map misses {:.1} % of the response, and no effect of the catalog explains it.",
             100.0 * found.gap.before
@@ -125,7 +138,7 @@ fn headline(found: &Diagnosis) -> String {
 
 /// What is to be known beside the numbers.
 fn text(found: &Diagnosis) -> Vec<String> {
-    let mut text = Vec::new();
+    let mut text: Vec<String> = found.square_of_speed.iter().map(square_of_speed).collect();
     if !found.steadiness.is_noise() {
         text.push(format!(
             "The residual is not stationary: the power of what does not repeat changes by {:.0} % over time.",
@@ -153,6 +166,19 @@ fn text(found: &Diagnosis) -> Vec<String> {
     }
     text.extend(found.left_out.iter().map(|out| format!("Not compared: {}: {}", out.file, out.reason)));
     text
+}
+
+/// That the square root of thrust was diagnosed, and why.
+fn square_of_speed(square: &SquareOfSpeed) -> String {
+    let time_constants: Vec<String> = square.time_constants_s.iter().map(|tau| format!("{:.1}", 1e3 * tau)).collect();
+    let with =
+        if square.instead_of.is_empty() { String::new() } else { format!(" with {}", square.instead_of.join(" and ")) };
+    format!(
+        "Thrust is taken as the square of a speed, whose time constant is {} ms: that explains the steps better than a lag of thrust{with}, \
+         which leaves a gap of {:.2} %. Gaps and effects are those of the square root of thrust.",
+        time_constants.join(", "),
+        100.0 * square.gap_of_thrust.after
+    )
 }
 
 fn tables(found: &Diagnosis) -> Vec<Table> {

@@ -26,7 +26,17 @@ pub struct Gap {
 /// off by a thousand, a model of another motor by a few.
 const MOST_GAP: f64 = 100.0;
 
+/// What is left beyond noise has to shrink to this part of its power before one explanation takes the place of another. Chosen: it then
+/// explains more than all that the other leaves; less would take the place by chance, as both have about as many numbers.
+const SHRINKS_TO: f64 = 0.5;
+
 impl Gap {
+    /// Whether its improved model leaves less than half of the power beyond noise that the `other` one leaves.
+    pub(crate) fn explains_more_than(self, other: Self) -> bool {
+        let beyond_noise = |gap: Self| (gap.after * gap.after - gap.noise_floor * gap.noise_floor).max(0.0);
+        beyond_noise(self) < SHRINKS_TO * beyond_noise(other)
+    }
+
     /// # Errors
     /// [`DiagnoseError::NoComparison`] for a gap that no model of the records has.
     pub(crate) fn check(self) -> Result<(), DiagnoseError> {

@@ -8,6 +8,10 @@
 //! in turn, `n ln(1 + F / (n - k))`. Akaike's criterion, which asks for less, adds a degree too many in one
 //! record of six. Standard errors are scaled by what the best one leaves, and intervals are Student's t.
 //!
+//! The F-test compares polynomials with each other, and few levels leave it no degrees of freedom to see a curve by. So where its choice
+//! misses levels by more than their own scatter, and no drift between visits of one level explains that, the degree is the one that
+//! predicts each level best from the others (`lack_of_fit`).
+//!
 //! # What is what
 //! - *Dead zone*: the command at which the polynomial crosses zero, where this is consistent with the highest command at
 //!   which the motor stands still and the lowest at which it runs. A motor that starts with a jump has a polynomial that
@@ -18,6 +22,7 @@
 //! - *Limit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
 
 pub(crate) mod error;
+mod lack_of_fit;
 mod points;
 mod shape;
 
@@ -43,6 +48,15 @@ const MOST_DEGREES: usize = 5;
 /// Level of the F-test that a parameter has to pass. Chosen: simulated staircases of four maps get the true degree in at least 95 % of 300
 /// repeats each (`tests/known_truth/static_map.rs`); Akaike's criterion adds a degree in one of six.
 const LEVEL: f64 = 0.005;
+/// Degrees of freedom that the F-test's candidates leave at least. Derived: at two a 95 % interval is 4.3 standard errors to either side; at
+/// one it is 12.7.
+const LEAST_DOF: usize = 2;
+/// Levels that miss the map by so many times their own scatter are not on it. Chosen: up to three times is usual drift, which the intervals
+/// hold.
+const MOST_EXCESS: f64 = 3.0;
+/// A polynomial that misses levels by less than this share of the highest response is as good as they are. Chosen: no design changes by a
+/// percent.
+const LEAST_MISS: f64 = 0.01;
 /// Neighbors on each side over which the points' variances are pooled. Chosen: a pool of 7 has seven times the degrees of freedom of a
 /// point; a wider one mixes low and high speeds, whose noise differs.
 const POOL_HALF_WIDTH: usize = 3;
@@ -66,6 +80,9 @@ pub struct StaticMapFit {
     pub limit: Option<MapLimit>,
     /// Standard deviation of what is left, in units of the points' own standard errors: far above one, the map is not all.
     pub excess: f64,
+    /// What chose the degree.
+    #[serde(skip)]
+    pub degree_by: DegreeRule,
     /// Steady points used.
     pub points: usize,
     /// What is odd.
@@ -79,6 +96,24 @@ pub struct StaticMapFit {
     covariance: DMatrix<f64>,
     #[serde(skip)]
     dof: f64,
+}
+
+/// What chooses the degree of a static map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DegreeRule {
+    /// An F-test at 0.5 % of each further term.
+    FTest,
+    /// How well each level is predicted from the others.
+    CrossValidation,
+}
+
+impl fmt::Display for DegreeRule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::FTest => "F-test at 0.5 %",
+            Self::CrossValidation => "cross-validation over levels",
+        })
+    }
 }
 
 /// Where a motor begins to turn.
@@ -117,10 +152,19 @@ pub enum MapLimit {
 pub enum StaticMapWarning {
     /// The points are a ramp's and the lag is not taken off.
     RampLag,
-    /// The fit leaves more than the points' own scatter.
+    /// Visits of the same level differ by more than the points' own scatter, and so the fit leaves more than that.
     Excess {
-        /// How much more.
+        /// How much more it leaves.
         times: f64,
+    },
+    /// The polynomial misses levels that are not known to drift.
+    NotPolynomial {
+        /// Its degree.
+        degree: usize,
+        /// By how much of the highest response, RMS.
+        share: f64,
+        /// Whether some level was visited twice, so that drift would show.
+        is_revisited: bool,
     },
     /// The polynomial does not rise everywhere.
     NotRising {
@@ -139,6 +183,17 @@ impl fmt::Display for StaticMapWarning {
             Self::Excess { times } => write!(
                 f,
                 "levels miss the static map by {times:.1} times their own scatter, which is in its intervals: something slow, such as heat or the supply, moves them. Repeat the levels in another order"
+            ),
+            Self::NotPolynomial { degree, share, is_revisited } => write!(
+                f,
+                "levels miss the static map's polynomial of degree {degree} by {:.1} % of the highest response, which is in its intervals. \
+                 {}: use the levels themselves, or record more of them",
+                100.0 * share,
+                if is_revisited {
+                    "Visits of the same level agree, so that the curve is another"
+                } else {
+                    "No level was visited twice, so that nothing is known of drift"
+                }
             ),
             Self::NotRising { command } => write!(
                 f,
@@ -175,25 +230,44 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     let seen = |direction| points.iter().filter(|p| p.direction == direction).count();
     // The first level of all counts as reached from below, so one more is needed there.
     let hysteresis = seen(Direction::Up) >= 2 && seen(Direction::Down) >= 1;
+    let terms = |degree, limit| MapTerms {
+        degree,
+        hysteresis,
+        limit,
+        center: 0.5 * (low + high),
+        half_range: 0.5 * (high - low),
+    };
+    // A response that falls has been cut off; there is no limit below.
+    let limits: &[bool] = if falls.is_some() { &[false] } else { &[false, true] };
+    let most_degrees = MOST_DEGREES.min(levels.len() - 2);
+    let shapes = || limits.iter().flat_map(|&limit| (1..=most_degrees).map(move |degree| terms(degree, limit)));
     let mut best: Option<(f64, MapTerms, Solution)> = None;
-    for limit in [false, true] {
-        // A response that falls has been cut off; there is no limit below.
-        if limit && falls.is_some() {
-            continue;
-        }
-        for degree in 1..=MOST_DEGREES.min(levels.len().saturating_sub(2)) {
-            let shape =
-                MapTerms { degree, hysteresis, limit, center: 0.5 * (low + high), half_range: 0.5 * (high - low) };
-            let Some(solution) = shape::fit(shape, &points, &std) else { continue };
-            let n = points.len() as f64;
-            let criterion = n * solution.sum_of_squares.max(f64::MIN_POSITIVE).ln()
-                + penalty(points.len(), shape.parameter_count());
-            if best.as_ref().is_none_or(|b| criterion < b.0) {
-                best = Some((criterion, shape, solution));
-            }
+    for shape in shapes() {
+        let Some(solution) = shape::fit(shape, &points, &std, LEAST_DOF) else { continue };
+        let n = points.len() as f64;
+        let criterion =
+            n * solution.sum_of_squares.max(f64::MIN_POSITIVE).ln() + penalty(points.len(), shape.parameter_count());
+        if best.as_ref().is_none_or(|b| criterion < b.0) {
+            best = Some((criterion, shape, solution));
         }
     }
-    let (_, shape, solution) = best.ok_or(StaticMapError::NoFit)?;
+    let (_, mut shape, mut solution) = best.ok_or(StaticMapError::NoFit)?;
+    let mut degree_by = DegreeRule::FTest;
+    let excess = |shape: &MapTerms, solution: &Solution| {
+        (solution.sum_of_squares / (points.len() - shape.parameter_count()) as f64).sqrt()
+    };
+    // A bin of a ramp is met again at another command within it.
+    let same = if steady.source == SteadySource::Ramp { 0.5 * points::bin_width(low, high) } else { SAME_LEVEL };
+    let visits = lack_of_fit::excess_between_visits(&shape, &solution.parameters, (&points, &std), same);
+    let drifts = visits.is_some_and(|visits| visits > MOST_EXCESS);
+    if steady.source != SteadySource::Averages
+        && !drifts
+        && excess(&shape, &solution) > MOST_EXCESS
+        && let Some((chosen, fitted)) = lack_of_fit::cross_validated(shapes(), (&points, &std), same)
+        && fitted.sum_of_squares < solution.sum_of_squares
+    {
+        (shape, solution, degree_by) = (chosen, fitted, DegreeRule::CrossValidation);
+    }
     let unit = solution.unit_covariance.as_ref().ok_or(StaticMapError::NoFit)?;
     let dof = (points.len() - shape.parameter_count()) as f64;
     let variance = solution.sum_of_squares / dof;
@@ -204,6 +278,7 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
         hysteresis: None,
         limit: falls,
         excess: variance.sqrt(),
+        degree_by,
         points: points.len(),
         warnings: Vec::new(),
         shape,
@@ -212,6 +287,15 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
         dof,
     };
     fit.describe(steady);
+    if steady.source != SteadySource::Averages && fit.excess > MOST_EXCESS {
+        let share = fit.miss_share(&points);
+        if drifts {
+            fit.warnings.push(StaticMapWarning::Excess { times: fit.excess });
+        } else if share > LEAST_MISS {
+            let (degree, is_revisited) = (fit.degree(), visits.is_some());
+            fit.warnings.push(StaticMapWarning::NotPolynomial { degree, share, is_revisited });
+        }
+    }
     Ok(fit)
 }
 
@@ -376,13 +460,17 @@ impl StaticMapFit {
         if steady.source == SteadySource::Ramp && self.hysteresis.is_some() {
             self.warnings.push(StaticMapWarning::RampLag);
         }
-        // Chosen: up to three times is usual drift, which the intervals hold.
-        if steady.source != SteadySource::Averages && self.excess > 3.0 {
-            self.warnings.push(StaticMapWarning::Excess { times: self.excess });
-        }
         if let Some(command) = self.first_not_rising() {
             self.warnings.push(StaticMapWarning::NotRising { command });
         }
+    }
+
+    /// RMS by which points miss the map, as a share of the highest response.
+    fn miss_share(&self, points: &[SteadyPoint]) -> f64 {
+        let miss = |p: &SteadyPoint| self.shape.response(&self.parameters, p.command, Some(p.direction)) - p.response;
+        let squares: f64 = points.iter().map(|p| miss(p).powi(2)).sum();
+        let highest = points.iter().map(|p| p.response.abs()).fold(f64::MIN_POSITIVE, f64::max);
+        (squares / points.len() as f64).sqrt() / highest
     }
 
     /// The highest command below the lowest level at which the polynomial is zero.

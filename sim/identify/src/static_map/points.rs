@@ -57,6 +57,11 @@ const MOVING: f64 = 0.5;
 /// has as much of the thrust, so that a motor that idles slower may be taken for still.
 const STILL_SHARE: f64 = 0.01;
 
+/// Width of the bins of a ramp between two commands.
+pub(super) fn bin_width(low: f64, high: f64) -> f64 {
+    (high - low) / BINS as f64
+}
+
 impl SteadyPoints {
     /// Adds what another record of the same motor tells.
     pub fn join(&mut self, other: Self) {
@@ -171,7 +176,7 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
     let (clean, _) = without_spikes(raw);
     let low = command.iter().copied().fold(f64::INFINITY, f64::min);
     let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let width = (high - low) / BINS as f64;
+    let width = bin_width(low, high);
     let bin_of = |u: f64| (((u - low) / width) as usize).min(BINS - 1);
     let direction_of = |row: usize| {
         let near = moves[..row.min(moves.len())].iter().rev().find(|step| **step != 0.0).or(moves.first());

@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use rotorlead_numerics::least_squares::{Residuals, Solution, StoppingCriteria, minimize};
 
 use super::points::SteadyPoint;
-use crate::lag::steps::Direction;
+use crate::lag::steps::{Direction, SAME_LEVEL};
 
 /// Which terms a candidate has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,10 +112,9 @@ impl Residuals for MapProblem<'_> {
 /// where a limit cuts off few levels; the kink keeps a search between the levels where it starts.
 const LIMIT_STARTS: [f64; 6] = [0.66, 0.74, 0.81, 0.87, 0.92, 0.97];
 
-/// The least-squares fit of a shape; `None` where the points do not determine it.
-pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Option<Solution> {
-    // Derived: two degrees of freedom are left, at which a 95 % interval is 4.3 standard errors to either side; at one it is 12.7.
-    if points.len() < shape.parameter_count() + 2 {
+/// The least-squares fit of a shape, which leaves `least_dof` degrees of freedom or more; `None` where the points do not determine it.
+pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64], least_dof: usize) -> Option<Solution> {
+    if points.len() < shape.parameter_count() + least_dof {
         return None;
     }
     let scale = points.iter().map(|p| p.response.abs()).fold(f64::MIN_POSITIVE, f64::max);
@@ -146,10 +145,10 @@ pub(super) fn fit(shape: MapTerms, points: &[SteadyPoint], std: &[f64]) -> Optio
             best = Some(found);
         }
     }
-    // A limit beyond the points is none.
-    best.filter(|s| {
-        shape.limit_index().is_none_or(|k| s.parameters[k] < points.iter().map(|p| p.command).fold(0.0, f64::max))
-    })
+    // A limit is where the response is the same at two levels or more: one alone is the end of a curve.
+    let top = points.iter().map(|p| p.command).fold(f64::NEG_INFINITY, f64::max);
+    let second = points.iter().map(|p| p.command).filter(|u| *u < top - SAME_LEVEL).fold(f64::NEG_INFINITY, f64::max);
+    best.filter(|s| shape.limit_index().is_none_or(|k| s.parameters[k] < second))
 }
 
 #[cfg(test)]

@@ -20,10 +20,10 @@ impl Catalog {
         Self { kinds: Cow::Borrowed(STANDARD) }
     }
 
-    /// The same with the kind of that identifier alone.
+    /// The same with the kinds of these identifiers alone.
     #[must_use]
-    pub fn only(&self, id: &str) -> Self {
-        Self { kinds: self.kinds().filter(|kind| kind.id == id).collect() }
+    pub fn only(&self, ids: &[&str]) -> Self {
+        Self { kinds: self.kinds().filter(|kind| ids.contains(&kind.id)).collect() }
     }
 
     /// The kinds, from command to logger.

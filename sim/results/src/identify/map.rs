@@ -28,10 +28,11 @@ fn polynomial(fit: &StaticMapFit, output: Output) -> Table {
     ];
     let rows: Vec<Row> = fit.coefficients.iter().enumerate().collect();
     let caption = format!(
-        "Static map over commands {:.3} to {:.3}: degree {} by F-test at 0.5 %, {} steady points, 95 % intervals",
+        "Static map over commands {:.3} to {:.3}: degree {} by {}, {} steady points, 95 % intervals",
         fit.range.0,
         fit.range.1,
         fit.degree(),
+        fit.degree_by,
         fit.points
     );
     Table {

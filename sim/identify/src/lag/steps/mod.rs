@@ -185,7 +185,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         // Minus infinity for a response that is constant, which runs with a usable step are not.
         fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
     };
-    Ok(StaircaseFit {
+    let mut fit = StaircaseFit {
         record: record.file.clone(),
         output,
         fit_percent: percent(&y, &simulated, &clean),
@@ -203,7 +203,9 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         main_direction,
         simulated,
         warnings,
-    })
+    };
+    warnings::as_square(&mut fit, record, esc_frame_hz);
+    Ok(fit)
 }
 
 /// Lays the curve through the steps; marks those that are hardly known or contradict the others, and widens the intervals of

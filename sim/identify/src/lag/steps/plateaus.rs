@@ -53,6 +53,8 @@ pub enum PlateauState {
     Short,
     /// The response is not steady.
     NotSteady,
+    /// The command is zero and the reading stands exactly on another value: it is an old one.
+    Frozen,
 }
 
 /// A segment of constant command and what the response settles to.
@@ -125,7 +127,8 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
 /// A plateau is [`PlateauState::Running`] when it is long enough to settle, its settled mean is above a share of the
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
 /// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
-/// fell out of step.
+/// fell out of step. At a command of zero a reading other than zero that never changes is [`PlateauState::Frozen`]: telemetry that
+/// repeats its last value, where no ESC drives the motor.
 pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
     let (time_s, command) = (&record.time_s, &record.command);
     let changes_at = ChangeTimes::new(record);
@@ -138,13 +141,25 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
         plateaus.push(changes_at.timed(plateau));
         start = end;
     }
-    let long = |p: &Plateau| p.is_long(time_s);
+    for plateau in plateaus.iter_mut().filter(|p| p.is_long(time_s)) {
+        let settled = &y[plateau.settled()];
+        let is_frozen =
+            plateau.command.abs() <= SAME_LEVEL && settled[0] != 0.0 && settled.iter().all(|y| *y == settled[0]);
+        if is_frozen {
+            (plateau.state, plateau.mean) = (PlateauState::Frozen, settled[0]);
+        }
+    }
+    // A sensor that never scatters may well read the same of a motor that idles.
+    let scatters = plateaus.iter().any(|p| p.is_long(time_s) && p.state != PlateauState::Frozen && p.std > 0.0);
+    let is_frozen = |p: &Plateau| scatters && p.state == PlateauState::Frozen;
+    let long = |p: &Plateau| p.is_long(time_s) && !is_frozen(p);
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
     let floor = standing_share(output) * fastest;
     let usual = median(plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std)).unwrap_or(0.0);
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
         p.state = match p.std <= bound {
+            _ if is_frozen(p) => PlateauState::Frozen,
             _ if !long(p) => PlateauState::Short,
             true if p.mean > floor => PlateauState::Running,
             true => PlateauState::Idle,
@@ -244,7 +259,7 @@ pub(super) fn runs(plateaus: &[Plateau]) -> Vec<Range<usize>> {
                 is_open = true;
             }
             (PlateauState::Short, _) => {}
-            (PlateauState::Idle | PlateauState::NotSteady, _) => is_open = false,
+            (PlateauState::Idle | PlateauState::NotSteady | PlateauState::Frozen, _) => is_open = false,
         }
     }
     runs.retain(|run| plateaus[run.clone()].iter().filter(|p| p.state == PlateauState::Running).count() > 1);

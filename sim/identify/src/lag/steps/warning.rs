@@ -12,6 +12,11 @@ pub enum LeftOut {
         /// The highest such level over the highest of all.
         share: f64,
     },
+    /// The command is zero, and the reading repeats an old value.
+    Frozen {
+        /// The value, response units.
+        at: f64,
+    },
     /// Levels are too short, or alone.
     Short,
 }
@@ -27,6 +32,10 @@ impl fmt::Display for LeftOut {
                 "the motor stands still or idles there, at {:.1} % of its highest level at most. If it runs, correct the \
                  sensor's zero",
                 100.0 * share
+            ),
+            Self::Frozen { at } => write!(
+                f,
+                "the command is zero and the reading stands on {at}, as telemetry does that repeats its last value once the motor is off"
             ),
             Self::Short => f.write_str("no two levels in a row are long enough to settle there"),
         }
@@ -139,6 +148,11 @@ pub enum StepsWarning {
         /// Its standard error.
         std: f64,
     },
+    /// Large steps are those of a thrust that is the square of a speed with a first-order lag.
+    Square {
+        /// Time constants of that speed up and down, seconds, where there are such steps.
+        time_constants_s: [Option<f64>; 2],
+    },
     /// The response begins before the command.
     NegativeDelay {
         /// The delay, seconds.
@@ -230,9 +244,19 @@ impl fmt::Display for StepsWarning {
             ),
             Self::Curved { curvature, std } => write!(
                 f,
-                "large steps slow down as the rotor does, as drag makes them (curvature of the lag {curvature:.2}, standard error \
-                 {std:.2}); time constants are those of small motions"
+                "large steps slow down as the rotor does, as drag makes them, or a thrust that goes with the square of the speed (curvature of \
+                 the lag {curvature:.2}, standard error {std:.2}); time constants are those of small motions"
             ),
+            Self::Square { time_constants_s: [up, down] } => {
+                let lags = [(up, "up"), (down, "down")].into_iter();
+                let lags = lags.filter_map(|(tau, way)| Some(format!("{:.1} ms {way}", 1e3 * (*tau)?)));
+                write!(
+                    f,
+                    "large steps are those of a thrust that is the square of a speed, which lags {}; the model has the lag of thrust in \
+                     small motions",
+                    lags.collect::<Vec<_>>().join(" and ")
+                )
+            }
             Self::NegativeDelay { delay_s } => write!(
                 f,
                 "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The \

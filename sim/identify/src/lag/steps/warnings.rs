@@ -7,7 +7,8 @@ use rotorlead_records::{Output, Record};
 use super::fit::LagFit;
 use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
-use super::{LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
+use super::{Direction, LeftOut, Level, Run, StaircaseFit, StepsWarning, TimeConstantCurve};
+use crate::estimate::Estimate;
 use crate::rows::gaps::rows_after_gaps;
 use crate::rows::ripple::Ripple;
 
@@ -31,12 +32,14 @@ pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<S
         }
         let inside = || all.iter().filter(|p| p.rows.start < until && p.rows.end > from);
         let idle = inside().filter(|p| p.state == PlateauState::Idle).map(|p| p.mean / highest).reduce(f64::max);
-        let reason = match idle {
-            Some(share) => LeftOut::Idle { share },
-            None if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
+        let frozen = inside().find(|p| p.state == PlateauState::Frozen);
+        let reason = match (frozen, idle) {
+            (Some(frozen), _) => LeftOut::Frozen { at: frozen.mean },
+            (None, Some(share)) => LeftOut::Idle { share },
+            (None, None) if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
             // Of the level that a run begins with, what comes before it has settled.
-            None if inside().all(|p| p.state == PlateauState::Running) => LeftOut::NotSteady,
-            None => LeftOut::Short,
+            (None, None) if inside().all(|p| p.state == PlateauState::Running) => LeftOut::NotSteady,
+            (None, None) => LeftOut::Short,
         };
         warnings.push(StepsWarning::PartLeftOut {
             from_s: (from > 0).then(|| record.time_s[from]),
@@ -112,6 +115,31 @@ pub(super) fn check_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<
     warnings
 }
 
+/// Whether large steps are not those of a first-order lag. At an end of its range a curvature is held there.
+fn is_curved(curvature: Estimate) -> bool {
+    curvature.value > LEAST_CURVATURE && curvature.excludes(0.0)
+}
+
+/// That the steps of a curved thrust are those of the square of a speed with a first-order lag, in place of what is said of drag: the
+/// square root of the thrust shows no curvature then, and is fitted no worse.
+pub(super) fn as_square(fit: &mut StaircaseFit, record: &Record, esc_frame_hz: Option<f64>) {
+    let of_curve = |warning: &StepsWarning| matches!(warning, StepsWarning::Curved { .. });
+    let Some(place) = fit.warnings.iter().position(of_curve).filter(|_| fit.output == Output::ThrustN) else { return };
+    let Some(thrust) = &record.thrust_n else { return };
+    let speed = thrust.iter().map(|thrust| thrust.max(0.0).sqrt()).collect();
+    let Ok(root) = super::fit_staircase(&Record { rpm: Some(speed), ..record.clone() }, Output::Rpm, esc_frame_hz)
+    else {
+        return;
+    };
+    let missed = |fit: &StaircaseFit| fit.ceiling_percent - fit.fit_percent_own_levels;
+    if let Some(curve) =
+        root.curve.as_ref().filter(|_| !is_curved(root.curvature) && missed(&root) <= missed(fit).max(0.0))
+    {
+        let time_constants_s = [Direction::Up, Direction::Down].map(|way| Some(curve.average(way)?.value));
+        fit.warnings[place] = StepsWarning::Square { time_constants_s };
+    }
+}
+
 /// What is odd about the levels and the lag.
 pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstantCurve>) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
@@ -129,8 +157,7 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
     let falls = |level: &&Level| level.gain.is_none();
     warnings.extend(levels.iter().filter(falls).map(|level| StepsWarning::NotRising { command: level.command }));
     let curvature = lag.curvature;
-    // At an end of its range it is held there.
-    if curvature.value > LEAST_CURVATURE && curvature.excludes(0.0) {
+    if is_curved(curvature) {
         warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
     }
     if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
