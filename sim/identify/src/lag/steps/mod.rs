@@ -6,7 +6,7 @@
 //! 2. plateaus are found, and of them the runs on which the motor runs steadily; start-up, idling and
 //!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
 //!    marked (`clipped_plateaus`);
-//! 3. steps that carry no lag are left out, each with its reason (`step`);
+//! 3. steps that carry no lag are left out, each with its reason (`step`, `step_gaps`);
 //! 4. a lag is fitted to each of the others, with a common delay (`problem` and `fit`), in closed form (`response`), with
 //!    standard errors that know the noise's color and that of the time stamps (`uncertainty`);
 //! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
@@ -34,6 +34,7 @@ mod problem;
 mod response;
 mod run;
 mod step;
+mod step_gaps;
 mod uncertainty;
 mod warning;
 mod warnings;
