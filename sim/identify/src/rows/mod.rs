@@ -4,4 +4,5 @@ pub(crate) mod clipping;
 pub mod columns;
 pub(crate) mod even;
 pub mod gaps;
+pub mod readings;
 pub mod spikes;

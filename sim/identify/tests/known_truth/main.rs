@@ -8,6 +8,7 @@ mod holds;
 mod hum;
 mod own_stamps;
 mod plausibility;
+mod slow_readings;
 mod stalls;
 mod stand;
 mod static_map;

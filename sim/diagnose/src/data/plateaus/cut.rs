@@ -89,8 +89,8 @@ fn prepare_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared 
     let rows = run.rows();
     let time_s = &source.time_s[rows.clone()];
     let measured = &run.clean[rows.clone()];
-    let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
-    let spikes = kept.iter().filter(|kept| !**kept).count();
+    let mut kept: Vec<bool> = run.rows_without_reading()[rows.clone()].iter().map(|without| !without).collect();
+    let spikes = run.spike[rows.clone()].iter().filter(|spike| **spike).count();
     let mut limited = 0;
     for (kept, shows) in kept.iter_mut().zip(run.unclipped_rows()) {
         limited += usize::from(*kept && !shows);
@@ -203,7 +203,7 @@ fn prepare_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     let (measured, spike) = without_spikes(response);
     let time_s = &source.time_s;
     let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
-    let spikes = kept.iter().filter(|kept| !**kept).count();
+    let spikes = run.spike[rows.clone()].iter().filter(|spike| **spike).count();
     let mut after_gaps = 0;
     for row in rows_after_gaps(time_s) {
         let end = time_s.partition_point(|t| *t < time_s[row] + AFTER_GAP_S);

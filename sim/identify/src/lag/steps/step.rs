@@ -9,13 +9,15 @@ use rotorlead_numerics::sample::{mean, median};
 
 use super::Run;
 use super::plateaus::{Direction, Plateau, PlateauState};
-use super::response::{Segment, value};
+use super::response::{Segment, mean_value};
 use super::step_gaps::mark_hidden_steps;
 use crate::estimate::Estimate;
 
 /// Rows of a window that are before its step. Chosen: their mean is known to 0.18, `1 / sqrt(30)`, of a row's noise; more reach back to
 /// where the response may not have settled.
 const ROWS_BEFORE: usize = 30;
+/// And readings, where each stands in several rows. Chosen: the scatter of fewer is too badly known to tell a drift from it.
+const READINGS_BEFORE: usize = 10;
 /// A step below so many standard errors of its two levels is not there. Derived: by Student's t with the 8 degrees of freedom of both
 /// levels' batches, noise alone exceeds 3 about once in 120 times.
 const LEAST_STD: f64 = 3.0;
@@ -155,10 +157,12 @@ pub struct StepLag {
     pub fit_percent: f64,
     /// How much faster than an exponential it starts, per unit of the response (`response`).
     pub(super) bend: f64,
+    /// Over how long each reading is the mean, seconds; 0 for a momentary value.
+    pub(super) mean_s: f64,
 }
 
 impl StepLag {
-    /// The fitted response, so many seconds after the command.
+    /// The fitted response as the sensor reads it, so many seconds after the command.
     #[must_use]
     pub fn response(&self, after_s: f64) -> f64 {
         let segment = Segment {
@@ -169,7 +173,7 @@ impl StepLag {
             bend: self.bend,
         };
         // The fit has a response; should rounding say otherwise, it is drawn as it comes out.
-        value(&segment, self.before - self.after, after_s, &mut true)
+        mean_value(&segment, self.before - self.after, after_s, self.mean_s, &mut true)
     }
 }
 
@@ -206,7 +210,8 @@ pub(super) fn find_steps(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
 fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     let y = &run.clean;
     let row = to.rows.start;
-    let ahead = row.saturating_sub(ROWS_BEFORE).max(before.rows.start);
+    let held = run.readings.as_ref().map_or(1, |readings| (readings.rows_per_reading.round() as usize).max(1));
+    let ahead = row.saturating_sub(ROWS_BEFORE.max(READINGS_BEFORE * held)).max(before.rows.start);
     let level = mean(&y[ahead..row]);
     let rise = to.mean - level;
     let sign = if to.direction == Some(Direction::Down) { -1.0 } else { 1.0 };
@@ -220,7 +225,7 @@ fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     } else if sign * rise <= LEAST_STD * std {
         Some(StepFault::Hidden { rise: sign * rise, std })
     } else {
-        (drift(&y[ahead..row]) > MOST_UNSETTLED * rise.abs()).then_some(StepFault::Unsettled)
+        (drift(&y[ahead..row], held) > MOST_UNSETTLED * rise.abs()).then_some(StepFault::Unsettled)
     };
     Step {
         row,
@@ -235,10 +240,10 @@ fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     }
 }
 
-/// Rows of a record that say nothing of a lag: spikes, and what follows a step that a gap of the log hides, until it has
-/// settled.
-pub(super) fn rows_without_lag(spike: &[bool], runs: &[Run], steps: &[Step]) -> Vec<bool> {
-    let mut nothing = spike.to_vec();
+/// Rows of a record that say nothing of a lag: those without a reading, and what follows a step that a gap of the log hides, until
+/// it has settled.
+pub(super) fn rows_without_lag(without_reading: Vec<bool>, runs: &[Run], steps: &[Step]) -> Vec<bool> {
+    let mut nothing = without_reading;
     for plateau in runs.iter().flat_map(|run| &run.plateaus) {
         let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().map(|k| &steps[k]);
         if step.is_some_and(Step::is_in_gap) {
@@ -248,8 +253,10 @@ pub(super) fn rows_without_lag(spike: &[bool], runs: &[Run], steps: &[Step]) -> 
     nothing
 }
 
-/// By how much the second half of some rows is off the first, beyond what their scatter explains.
-fn drift(values: &[f64]) -> f64 {
+/// By how much the second half of some rows is off the first, beyond what their scatter explains, where each reading stands in `held`.
+fn drift(values: &[f64], held: usize) -> f64 {
+    // Counted from the step backward: how far they are apart is the same whatever the row in which a reading is new.
+    let values: Vec<f64> = values.iter().rev().step_by(held).rev().copied().collect();
     let (first, second) = values.split_at(values.len() / 2);
     if first.is_empty() {
         return 0.0;

@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+use super::Averaging;
+use crate::check::decimal;
+
 /// Why part of a record is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LeftOut {
@@ -65,6 +68,17 @@ pub enum StepsWarning {
         rows: usize,
         /// What they are readings of.
         column: &'static str,
+    },
+    /// Each reading of a sensor stands in several rows.
+    Repeats {
+        /// What they are readings of.
+        column: &'static str,
+        /// In how many.
+        rows_per_reading: f64,
+        /// From one reading to the next, seconds.
+        interval_s: f64,
+        /// What a reading was taken as.
+        averaging: Averaging,
     },
     /// A part of the record was left out.
     PartLeftOut {
@@ -158,6 +172,12 @@ impl fmt::Display for StepsWarning {
             Self::Spikes { rows, column } => write!(
                 f,
                 "{rows} readings of {column} jump away and back; they were left out. Look at that sensor if there are many"
+            ),
+            Self::Repeats { column, rows_per_reading, interval_s, averaging } => write!(
+                f,
+                "each reading of {column} stands in {} rows and counts once; {}",
+                decimal(*rows_per_reading),
+                averaging.in_words(*interval_s)
             ),
             Self::PartLeftOut { from_s, until_s, reason } => {
                 match (from_s, until_s) {
