@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use rotorlead_identify::check::{RecordFault, check_record};
+use rotorlead_identify::check::check_record;
 use rotorlead_identify::identification::{IdentifyOptions, identify};
 use rotorlead_identify::lag::steps::{Averaging, StaircaseFit, StepsWarning, fit_staircase};
 use rotorlead_identify::validate::validate;
@@ -53,7 +53,8 @@ const REPEATED: Sensor = Sensor {
 
 impl Sensor {
     fn level(&self, command: f64) -> f64 {
-        let rpm = 2000.0 + 14_000.0 * command;
+        // No level is a whole number of a counter's steps.
+        let rpm = 2117.0 + 13_943.0 * command;
         if self.column == "rpm" { rpm } else { 1e-7 * rpm * rpm }
     }
 
@@ -117,43 +118,137 @@ impl Sensor {
     }
 }
 
-fn show(name: &str, sensor: &Sensor) {
-    for seed in 1..=3 {
+fn averaging(fit: &StaircaseFit) -> Option<(f64, Averaging)> {
+    fit.warnings.iter().find_map(|warning| match warning {
+        StepsWarning::Repeats { rows_per_reading, averaging, .. } => Some((*rows_per_reading, *averaging)),
+        _ => None,
+    })
+}
+
+/// The repetition is seen, readings are taken as what they are or nothing is claimed, and the lag is that of the motor. How many of five
+/// logs show what a reading is.
+#[track_caller]
+fn assert_right(sensor: &Sensor) -> usize {
+    let is_mean = !matches!(sensor.reading, Reading::Momentary);
+    let reading_s = sensor.row_s * sensor.rows_per_reading;
+    let mut known = 0;
+    for seed in 1..=5 {
         let experiment = sensor.experiment(seed);
-        match fit_staircase(&experiment.records[0], experiment.output, None) {
-            Ok(fit) => {
-                let taus: Vec<f64> = fit.steps.iter().filter_map(|s| Some(1e3 * s.time_constant_s()?.value)).collect();
-                let how = fit.warnings.iter().find_map(|w| match w {
-                    StepsWarning::Repeats { rows_per_reading, averaging, .. } => Some((*rows_per_reading, *averaging)),
-                    _ => None,
-                });
-                let mean = taus.iter().sum::<f64>() / taus.len() as f64;
-                let v = identify(&experiment, &IdentifyOptions::default())
-                    .map(|m| validate(&experiment, &m.model).unwrap()[0].residual_power);
-                println!(
-                    "{name} {seed}: tau {mean:.1} of {} ({} steps), dead {:.1} +- {:.1} of {}, {how:?} {v:?}",
-                    1e3 * sensor.tau_s,
-                    taus.len(),
-                    1e3 * fit.delay_s.value,
-                    1e3 * fit.delay_s.std,
-                    1e3 * sensor.dead_s
-                );
+        let record = &experiment.records[0];
+        let findings = check_record(&experiment, record, false);
+        assert!(findings.iter().any(|finding| finding.message.contains("is repeated")), "{findings:?}");
+        let fit = fit_staircase(record, experiment.output, None).unwrap();
+        let (rows, averaging) = averaging(&fit).expect("readings that repeat");
+        assert!((rows / sensor.rows_per_reading - 1.0).abs() < 2e-3, "seed {seed}: {rows}");
+        let costs_s = match averaging {
+            // What it would be if each reading were a mean is said.
+            Averaging::Unknown if is_mean => 0.5 * reading_s,
+            Averaging::Unknown => 0.0,
+            Averaging::Mean | Averaging::Counted => {
+                assert!(is_mean, "seed {seed}: {averaging:?}");
+                0.0
             }
-            Err(error) => println!("{name} {seed}: {error}"),
-        }
+            Averaging::Momentary => {
+                assert!(!is_mean, "seed {seed}: {averaging:?}");
+                0.0
+            }
+        };
+        known += usize::from(averaging != Averaging::Unknown);
+        let off_s = fit.delay_s.value - sensor.dead_s - costs_s;
+        assert!(off_s.abs() < 0.1 * reading_s, "seed {seed}, {averaging:?}: {:?} of {}", fit.delay_s, sensor.dead_s);
+        let taus_s: Vec<f64> = fit.steps.iter().filter_map(|step| Some(step.time_constant_s()?.value)).collect();
+        let tau_s = taus_s.iter().sum::<f64>() / taus_s.len() as f64;
+        // A few readings are all there is of a lag that is shorter than they are apart.
+        let known_s = 0.06 * (sensor.tau_s + reading_s);
+        assert!((tau_s - sensor.tau_s).abs() < known_s, "seed {seed}, {averaging:?}: {tau_s} of {}", sensor.tau_s);
+        // As every command judges it.
+        let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
+        let judged = &validate(&experiment, &model).unwrap()[0];
+        assert!(judged.residual_power.is_none_or(|power| !power.is_below_noise()), "{:?}", judged.residual_power);
+        assert!(judged.fit_percent > 90.0, "seed {seed}: {}", judged.fit_percent);
+    }
+    known
+}
+
+/// Steps of 300 rpm, each reading in 10 rows of 5 ms.
+#[test]
+fn repeated_speeds_of_a_coarse_sensor() {
+    assert_right(&REPEATED);
+    // No mean begins before its command.
+    assert_eq!(assert_right(&Sensor { dead_s: 0.0, ..REPEATED }), 5);
+}
+
+/// The same steps as two and four pulses per revolution.
+#[test]
+fn counted_pulses() {
+    for dead_s in [0.0, 0.05] {
+        let counted = Sensor { reading: Reading::Pulses(4.0), dead_s, ..REPEATED };
+        assert_eq!(assert_right(&counted), 5);
+        assert_eq!(assert_right(&Sensor { reading: Reading::Pulses(2.0), row_s: 0.01, ..counted }), 5);
     }
 }
 
 #[test]
-fn zz_explore() {
+fn counted_pulses_of_fourteen_poles_in_fourteen_rows() {
+    for dead_s in [0.0, 0.03] {
+        let reading = Reading::Pulses(7.0);
+        let counted = Sensor { reading, row_s: 0.002, rows_per_reading: 14.0, dead_s, tau_s: 0.045, ..REPEATED };
+        assert_eq!(assert_right(&counted), 5);
+    }
+}
+
+/// 80 readings a second in rows of 1 ms: twelve and thirteen rows.
+#[test]
+fn a_coarse_load_cell_with_a_clock_of_its_own() {
     for dead_s in [0.0, 0.05] {
-        for row_s in [0.002, 0.005, 0.01] {
-            let s = Sensor { dead_s, row_s, ..REPEATED };
-            show(&format!("moment {row_s} {dead_s}"), &s);
-            show(&format!("noisy moment {row_s} {dead_s}"), &Sensor { noise: 150.0, ..s });
-            show(&format!("mean {row_s} {dead_s}"), &Sensor { reading: Reading::Mean, ..s });
-            show(&format!("noisy mean {row_s} {dead_s}"), &Sensor { reading: Reading::Mean, noise: 150.0, ..s });
-            show(&format!("pulses {row_s} {dead_s}"), &Sensor { reading: Reading::Pulses(0.02 / row_s), ..s });
+        assert_right(&Sensor {
+            column: "thrust_n",
+            row_s: 0.001,
+            rows_per_reading: 12.5,
+            step: 0.05,
+            noise: 0.03,
+            dead_s,
+            ..REPEATED
+        });
+    }
+}
+
+#[test]
+fn a_load_cell_that_gives_the_mean_since_it_was_read() {
+    let mean = Sensor {
+        column: "thrust_n",
+        reading: Reading::Mean,
+        row_s: 0.01,
+        rows_per_reading: 8.0,
+        step: 0.02,
+        noise: 0.02,
+        ..REPEATED
+    };
+    assert!(assert_right(&mean) > 0);
+    assert!(assert_right(&Sensor { dead_s: 0.0, ..mean }) > 0);
+}
+
+#[test]
+fn fine_speeds_show_by_their_corners_whether_they_are_means() {
+    let fine = Sensor { row_s: 0.004, step: 0.0, tau_s: 0.04, ..REPEATED };
+    assert!(assert_right(&fine) > 2);
+    assert!(assert_right(&Sensor { reading: Reading::Mean, ..fine }) > 2);
+}
+
+/// A hum that comes when the levels have settled makes the noise seem louder than it is where the response moves.
+#[test]
+fn less_than_noise_is_no_pass() {
+    let mut experiment = Sensor { rows_per_reading: 1.0, step: 0.0, ..REPEATED }.experiment(1);
+    let model = identify(&experiment, &IdentifyOptions::default()).unwrap().model;
+    let before = validate(&experiment, &model).unwrap();
+    assert!(before[0].judged_residual().is_some(), "{:?}", before[0].residual_power);
+    let record = &mut experiment.records[0];
+    for (t, rpm) in record.time_s.iter().zip(record.rpm.as_mut().unwrap()) {
+        if t % HELD_S > 0.5 * HELD_S {
+            *rpm += 60.0 * (t * 311.0).sin();
         }
     }
+    let after = validate(&experiment, &model).unwrap();
+    let power = after[0].residual_power.unwrap();
+    assert!(power.is_below_noise() && power.p_value > 0.999 && after[0].judged_residual().is_none(), "{power:?}");
 }
