@@ -203,7 +203,7 @@ fn prepare_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     let (measured, spike) = without_spikes(response);
     let time_s = &source.time_s;
     let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
-    let spikes = run.spike[rows.clone()].iter().filter(|spike| **spike).count();
+    let spikes = kept.iter().filter(|kept| !**kept).count();
     let mut after_gaps = 0;
     for row in rows_after_gaps(time_s) {
         let end = time_s.partition_point(|t| *t < time_s[row] + AFTER_GAP_S);
