@@ -134,6 +134,12 @@ impl Objections {
         diagnosis: Option<(&Diagnosis, &str)>,
     ) {
         match records_with_model_error(records) {
+            None if records.iter().any(|record| record.residual_power.is_some()) => self.add(
+                Readiness::MeasureAgain,
+                "the lag leaves less than the noise of the records, which no model can: readings that repeat, or levels that drift or \
+                 hum, make the noise seem larger, so that nothing is known of what the lag leaves"
+                    .to_owned(),
+            ),
             None => self.add(
                 Readiness::MeasureAgain,
                 "no record shows its noise, so that nothing is known of what the lag leaves: hold levels for a second, or record \
@@ -151,7 +157,8 @@ impl Objections {
                 }
             }
         }
-        let is_held_out = |record: &RecordValidation| record.fitted == Some(false) && record.residual_power.is_some();
+        let is_held_out =
+            |record: &RecordValidation| record.fitted == Some(false) && record.judged_residual().is_some();
         if records.iter().any(is_held_out) {
             return;
         }

@@ -10,16 +10,17 @@ pub const SIGNIFICANCE: f64 = 0.01;
 pub const SMALLEST_ERROR_PERCENT: f64 = 1.0;
 
 /// The records that show the model to be wrong by an amount worth a word, at a level that holds over all of them; `None` where no
-/// record shows its noise.
+/// record shows its noise. One of which less is left than noise does not
+/// ([`judged_residual`](rotorlead_identify::validate::RecordValidation::judged_residual)).
 ///
 /// A record shows it where the power that the model leaves over that of the noise has a tail probability below the level over
 /// the number of records (Bonferroni), by [`ResidualPower`](rotorlead_identify::validate::ResidualPower).
 #[must_use]
 pub fn records_with_model_error(records: &[RecordValidation]) -> Option<Vec<&RecordValidation>> {
-    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.judged_residual().is_some()).collect();
     let tested = judged.len() as f64;
     let shows_error = |record: &&RecordValidation| {
-        record.residual_power.is_some_and(|power| power.p_value * tested < SIGNIFICANCE)
+        record.judged_residual().is_some_and(|power| power.p_value * tested < SIGNIFICANCE)
             && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
     };
     (!judged.is_empty()).then(|| judged.into_iter().filter(shows_error).collect())

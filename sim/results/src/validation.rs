@@ -24,13 +24,18 @@ const BAND: f64 = 0.95;
 #[must_use]
 pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
     let mut said = vec![held_out(records)];
+    let below = below_noise(records);
     let Some(wrong) = records_with_model_error(records) else {
-        said.push("No record shows its noise: whether the model leaves more than that cannot be said.".to_owned());
+        if below.is_empty() {
+            said.push("No record shows its noise: whether the model leaves more than that cannot be said.".to_owned());
+        }
+        said.extend(below);
         return said;
     };
-    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.residual_power.is_some()).collect();
-    let silent = records.len() - judged.len();
-    let least = judged.iter().filter_map(|record| record.residual_power).map(|left| left.p_value).fold(1.0, f64::min);
+    let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.judged_residual().is_some()).collect();
+    let silent = records.iter().filter(|record| record.residual_power.is_none()).count();
+    let least =
+        judged.iter().filter_map(|record| record.judged_residual()).map(|left| left.p_value).fold(1.0, f64::min);
     if wrong.is_empty() && least * (judged.len() as f64) < SIGNIFICANCE {
         said.push(format!(
             "The model leaves more than noise (least p {}), and less than {SMALLEST_ERROR_PERCENT} % of the response: about what a \
@@ -60,10 +65,33 @@ pub fn validation_in_words(records: &[RecordValidation]) -> Vec<String> {
             ));
         }
     }
+    said.extend(below);
     if silent > 0 {
         said.push(format!("Of {} more nothing can be said: the noise does not show.", counted(silent, silent)));
     }
     said
+}
+
+/// Of which records the model leaves less than noise could.
+fn below_noise(records: &[RecordValidation]) -> Vec<String> {
+    let below =
+        records.iter().filter_map(|record| Some((record, record.residual_power.filter(|left| left.is_below_noise())?)));
+    below
+        .map(|(record, left)| {
+            format!(
+                "{}: the model leaves {:.2} times the noise power, less than noise can ({} by chance). The noise is not what it seems, \
+                 and says nothing of the model: look for readings that repeat, and for levels that drift or hum.",
+                record.file,
+                left.power_ratio,
+                equals_from_below(1.0 - left.p_value),
+            )
+        })
+        .collect()
+}
+
+fn equals_from_below(p_value: f64) -> String {
+    // Chosen: the difference from one is not known to more digits.
+    if p_value < 1e-12 { String::from("p < 1e-12") } else { format!("p = {}", probability(p_value)) }
 }
 
 /// How well a model explains records, and whether a compensator may be built on it.

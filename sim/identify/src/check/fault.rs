@@ -165,10 +165,7 @@ pub enum RecordFault {
         "{file}: `{column}` changes every {} rows only: the sensor gives {readings_hz:.0} readings a second, and each is \
          repeated", crate::check::decimal(*rows_per_reading)
     )]
-    #[diagnostic(help(
-        "set the sensor or its logger to a faster rate. Repeated, a reading is {:.1} ms old on average, which is identified as \
-         dead time of the motor; and no lag is seen that is shorter than a few readings", 500.0 / readings_hz
-    ))]
+    #[diagnostic(help("set the sensor or its logger to a faster rate: {cost}"))]
     Repeats {
         /// The record.
         file: String,
@@ -178,6 +175,8 @@ pub enum RecordFault {
         rows_per_reading: f64,
         /// Readings per second.
         readings_hz: f64,
+        /// What it costs the identification.
+        cost: String,
     },
     /// Command and response in each other's column.
     #[error(

@@ -16,6 +16,6 @@ pub use rows::{check_rate, check_record};
 pub use units::{CommandUnit, ResponseUnit};
 
 /// Whole numbers without decimals, others with one: within 0.05 of a whole number, the one decimal is zero.
-fn decimal(value: f64) -> String {
+pub(crate) fn decimal(value: f64) -> String {
     if (value - value.round()).abs() < 0.05 { format!("{value:.0}") } else { format!("{value:.1}") }
 }

@@ -4,5 +4,6 @@ pub(crate) mod clipping;
 pub mod columns;
 pub(crate) mod even;
 pub mod gaps;
+pub mod readings;
 pub mod ripple;
 pub mod spikes;

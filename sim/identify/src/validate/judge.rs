@@ -6,6 +6,7 @@ use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::noise::{self, LevelNoise, PeriodNoise};
 use super::residual_power::ResidualPower;
+use super::slow_readings::SlowReadings;
 use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
 use crate::error::IdentifyError;
 use crate::frequency_response::etfe::Etfe;
@@ -124,7 +125,7 @@ impl Judge<'_> {
 
     fn around_nominal(&self) -> Result<Score, IdentifyError> {
         let record = self.record;
-        let measured = columns::response_column(record, self.experiment.output)?;
+        let raw = columns::response_column(record, self.experiment.output)?;
         let command = self.command()?;
         let nominal = record.nominal;
         let tau_s = OperatingCurve::around_without_effects(self.model, nominal)
@@ -132,9 +133,21 @@ impl Judge<'_> {
             .lag
             .time_constant_s;
         let mut actuator = self.actuator(Law::LinearAround(nominal))?;
-        let model = run_record(&mut actuator, record, command, 0);
-        let simulated = align(&record.time_s, measured, &model, tau_s);
-        let percent = fit_percent(measured, &simulated).ok_or_else(|| self.constant_response())?;
+        let momentary = run_record(&mut actuator, record, command, 0);
+        // Periods are compared row by row, repeats included.
+        let readings = match record.excitation {
+            Excitation::Step => SlowReadings::find(record, raw),
+            _ => SlowReadings::default(),
+        };
+        let kept: Vec<usize> = (0..raw.len()).filter(|&row| !readings.repeats(row)).collect();
+        let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
+        let (time_s, measured) = (&of_kept(&record.time_s)[..], &of_kept(raw)[..]);
+        let aligned = |model: Vec<f64>| {
+            let simulated = align(time_s, measured, &of_kept(&model), tau_s);
+            (fit_percent(measured, &simulated), simulated, Vec::new())
+        };
+        let (percent, simulated, _) = readings.better(&record.time_s, momentary, aligned);
+        let percent = percent.ok_or_else(|| self.constant_response())?;
         let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
         let rows = measured.len() as f64;
         let (noise, residual_power) = match record.excitation {
@@ -150,8 +163,10 @@ impl Judge<'_> {
                     .ok()
                     .and_then(|run| LevelNoise::estimate(&run, &record.time_s, |_| tau_s))
                     .filter(|noise| noise::shows(noise.variance, measured));
-                let residual_power =
-                    noise.as_ref().and_then(|noise| noise.residual_power(residual.iter().copied().enumerate()));
+                let residual_power = noise.as_ref().and_then(|noise| {
+                    noise
+                        .residual_power(kept.iter().copied().zip(residual.iter().copied()), |row| readings.repeats(row))
+                });
                 (noise.map(|noise| noise.variance * rows), residual_power)
             }
             _ => (None, None),
@@ -160,7 +175,7 @@ impl Judge<'_> {
             fit_percent: percent,
             ceiling_percent: noise.map(|noise| percent_with_residual(noise, spread(measured))),
             residual_power,
-            comparison: Comparison::Time(compared_rows(&record.time_s, measured, &simulated)),
+            comparison: Comparison::Time(compared_rows(time_s, measured, &simulated)),
         })
     }
 
@@ -173,31 +188,40 @@ impl Judge<'_> {
         let shown = run.as_ref().map(Run::unclipped_rows);
         let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
         let nothing = run.as_ref().map(|run| run.rows_without_lag(&record.time_s));
-        let says = |row: &usize| shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]);
+        let readings = SlowReadings::find(record, raw);
+        let says = |row: &usize| {
+            shows(*row) && !nothing.as_ref().is_some_and(|nothing| nothing[*row]) && !readings.repeats(*row)
+        };
         let kept: Vec<usize> = rows.clone().filter(says).collect();
         let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
-        let model = run_record(&mut actuator, record, command, rows.start);
+        let momentary = run_record(&mut actuator, record, command, rows.start);
         let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
-        let (time_s, measured, mut simulated) = (of_kept(&record.time_s), of_kept(raw), of_kept(&model));
+        let (time_s, measured) = (of_kept(&record.time_s), of_kept(raw));
         let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;
         let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
         // The record may begin before the response has settled, and a model must not be judged by what came before.
         let tau_s = time_constant_s(command[rows.start]);
-        let (offset, start) = match self.model.static_map {
-            Some(_) => (0.0, fit_initial_state(&time_s, &measured, &simulated, tau_s)),
-            // The integral of the gain has no zero of its own.
-            None => fit_offset_and_initial_state(&time_s, &measured, &simulated, tau_s),
+        let aligned = |model: Vec<f64>| {
+            let mut simulated = of_kept(&model);
+            let (offset, start) = match self.model.static_map {
+                Some(_) => (0.0, fit_initial_state(&time_s, &measured, &simulated, tau_s)),
+                // The integral of the gain has no zero of its own.
+                None => fit_offset_and_initial_state(&time_s, &measured, &simulated, tau_s),
+            };
+            let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
+            simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
+            let left = record.time_s.iter().zip(&model).map(|(&t_s, model)| model + free(t_s)).collect::<Vec<f64>>();
+            (fit_percent(&measured, &simulated), simulated, left)
         };
-        let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
-        simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
-        let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
+        let (percent, simulated, model) = readings.better(&record.time_s, momentary, aligned);
+        let percent = percent.ok_or_else(|| self.constant_response())?;
         let noise = run
             .as_ref()
             .and_then(|run| LevelNoise::estimate(run, &record.time_s, time_constant_s))
             .filter(|noise| noise::shows(noise.variance, raw));
         let residual_power = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
-            let residual = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
-            noise.residual_power(kept.iter().map(|&row| (row, residual(row))))
+            let residual = |row: usize| run.clean[row] - model[row];
+            noise.residual_power(kept.iter().map(|&row| (row, residual(row))), |row| readings.repeats(row))
         });
         let residual = noise.map(|noise| noise.variance * measured.len() as f64);
         Ok(Score {

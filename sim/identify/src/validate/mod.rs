@@ -16,11 +16,15 @@
 //! levels (step, staircase).
 
 //!
+//! Of a sensor that is slower than the rows, each reading of a step, a staircase or a free record counts once, beside the model at its
+//! moment or the model's mean since the reading before, whichever is nearer.
+//!
 //! Beside the ceiling stands a test whether the record shows the model to be wrong ([`ResidualPower`]).
 
 mod judge;
 mod noise;
 mod residual_power;
+mod slow_readings;
 mod table;
 
 pub use residual_power::ResidualPower;
@@ -101,6 +105,13 @@ impl RecordValidation {
             Comparison::Frequency(_) => Domain::Frequency,
             Comparison::Time(_) => Domain::Time,
         }
+    }
+
+    /// The residual beside the noise, where the noise is what it seems: not where less is left than noise could
+    /// ([`ResidualPower::is_below_noise`]).
+    #[must_use]
+    pub fn judged_residual(&self) -> Option<ResidualPower> {
+        self.residual_power.filter(|power| !power.is_below_noise())
     }
 
     /// What the model gets wrong, RMS over the RMS of the response about its mean, percent: what is left beyond noise,

@@ -118,15 +118,20 @@ impl LevelNoise {
     }
 
     /// Power of the residual over that of the noise, on the rows on which the levels were not measured, so that the two are
-    /// independent. `None` where there are none.
-    pub(super) fn residual_power(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<ResidualPower> {
+    /// independent. `None` where there are none. Of a sensor slower than the rows, `repeats` says which repeat a reading: the
+    /// residual has none of them.
+    pub(super) fn residual_power(
+        &self,
+        residual: impl Iterator<Item = (usize, f64)>,
+        repeats: impl Fn(usize) -> bool,
+    ) -> Option<ResidualPower> {
         let is_settled = |row: usize| self.settled.iter().any(|rows| rows.contains(&row));
         let (mut sum, mut rows) = (0.0, 0.0);
         for (_, residual) in residual.filter(|&(row, _)| !is_settled(row)) {
             sum += residual * residual;
             rows += 1.0;
         }
-        let settled: usize = self.settled.iter().map(|rows| rows.len()).sum();
+        let settled = self.settled.iter().cloned().flatten().filter(|&row| !repeats(row)).count();
         let dof = self.dof * rows / settled as f64;
         ResidualPower::compute(sum / rows, dof, self.variance, self.dof)
     }

@@ -4,11 +4,14 @@
 //! The degrees of freedom are the effective ones of the noise, as the record shows it: fewer than the rows if it is colored. The
 //! model's own parameters count as known; those of a fit to as many data raise the ratio by as little as their number over that of the
 //! degrees of freedom.
+//!
+//! The test has two sides. No model leaves less than the noise, so that a ratio that the noise is hardly ever as far below 1 says that the
+//! noise was taken wrongly: as too loud, or as so many independent numbers where a sensor repeats its readings.
 
 use num_complex::Complex64;
 use rotorlead_numerics::statistics::f_upper_tail;
 
-use crate::goodness_of_fit::power_over_noise;
+use crate::goodness_of_fit::{MODEL_LEVEL, power_over_noise};
 use crate::spectra::SpectralLine;
 
 /// What a model leaves of a record, beside its noise.
@@ -27,6 +30,13 @@ impl ResidualPower {
     pub(super) fn compute(residual: f64, dof: f64, noise: f64, noise_dof: f64) -> Option<Self> {
         let power_ratio = power_over_noise(residual / noise)?;
         Some(Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) })
+    }
+
+    /// Whether less is left than the noise could leave, so that the noise is not what it seems. At the level of all tests of one model, so
+    /// that one sound record in a thousand is said to.
+    #[must_use]
+    pub fn is_below_noise(&self) -> bool {
+        self.p_value > 1.0 - MODEL_LEVEL
     }
 
     /// Lines of a spectrum beside the response over command that is `expected` of each.

@@ -11,6 +11,8 @@ mod hum;
 mod own_stamps;
 mod plausibility;
 mod random_commands;
+mod slow_readings;
+mod stalls;
 mod stand;
 mod static_map;
 mod steps;

@@ -89,8 +89,8 @@ fn prepare_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared 
     let rows = run.rows();
     let time_s = &source.time_s[rows.clone()];
     let measured = &run.clean[rows.clone()];
-    let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
-    let spikes = kept.iter().filter(|kept| !**kept).count();
+    let mut kept: Vec<bool> = run.rows_without_reading()[rows.clone()].iter().map(|without| !without).collect();
+    let spikes = run.spike[rows.clone()].iter().filter(|spike| **spike).count();
     let mut limited = 0;
     for (kept, shows) in kept.iter_mut().zip(run.unclipped_rows()) {
         limited += usize::from(*kept && !shows);

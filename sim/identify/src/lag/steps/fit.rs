@@ -77,6 +77,8 @@ pub(super) struct LagFit {
     pub(super) onset_std_s: f64,
     /// Standard deviation of time stamps, seconds.
     pub(super) stamp_std_s: f64,
+    /// What the first pass leaves, in units of the noise of settled rows, and of how many rows.
+    pub(super) chi_square: (f64, usize),
     /// Covariance of the logarithms of the time constants of the steps that have a lag, in their order.
     pub(super) covariance: DMatrix<f64>,
 }
@@ -87,8 +89,10 @@ pub(super) struct StepRows<'a> {
     pub(super) time_s: &'a [f64],
     /// The response, free of spikes.
     pub(super) y: &'a [f64],
-    /// Rows that say nothing.
-    pub(super) spike: &'a [bool],
+    /// Rows that say nothing: spikes, and repeats of the reading before.
+    pub(super) without_reading: &'a [bool],
+    /// Over how long each reading is the mean, seconds; 0 for a momentary value.
+    pub(super) mean_s: f64,
     /// Standard deviation of the moments of the command's own stamps, seconds, where it has them.
     pub(super) change_std_s: Option<f64>,
 }
@@ -142,6 +146,8 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     let (sum, count) =
         of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
     let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
+    let left: f64 = rough.iter().flat_map(|fitted| fitted.at.residuals.iter().flatten()).map(|r| r * r).sum();
+    let chi_square = (left, windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count());
     let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
 
     let curvature = {
@@ -175,6 +181,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         bend_per_s: 0.0,
         onset_std_s,
         stamp_std_s,
+        chi_square,
         covariance: DMatrix::zeros(windows.len(), windows.len()),
     };
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
@@ -205,6 +212,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
                 before: window.before * p[StepProblem::level_before_index(i)],
                 fit_percent: percent(window, &problem, i, p),
                 bend: p[CURVATURE] / reference / usual_s * tau_s,
+                mean_s: data.mean_s,
             });
         }
     }
@@ -341,7 +349,7 @@ fn window<'p>(
     let settled = plateaus.find(|plateau| plateau.rows.start == step.row).map_or(0.0, |plateau| plateau.std);
     // Uniform within the sensor's resolution. One that reads the same value all the time has some still: a thousandth of the step, chosen.
     let noise = settled.max(quantum / 12.0_f64.sqrt()).max(1e-3 * (step.after - step.before).abs());
-    let says = |row: usize| !data.spike[row] && after_gaps.binary_search(&row).is_err();
+    let says = |row: usize| !data.without_reading[row] && after_gaps.binary_search(&row).is_err();
     Window {
         change_s: step.at_s,
         before: step.before,
@@ -349,6 +357,7 @@ fn window<'p>(
         time_s: data.time_s[step.window.clone()].to_vec(),
         y: data.y[step.window.clone()].to_vec(),
         weight: step.window.clone().map(|row| if says(row) { 1.0 / noise } else { 0.0 }).collect(),
+        mean_s: data.mean_s,
         stamp_variance: vec![0.0; step.window.len()],
     }
 }

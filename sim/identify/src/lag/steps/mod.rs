@@ -6,9 +6,10 @@
 //! 2. plateaus are found, and of them the runs on which the motor runs steadily; start-up, idling and
 //!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
 //!    marked (`clipped_plateaus`);
-//! 3. steps that carry no lag are left out, each with its reason (`step`);
+//! 3. steps that carry no lag are left out, each with its reason (`step`, `step_gaps`);
 //! 4. a lag is fitted to each of the others, with a common delay (`problem` and `fit`), in closed form (`response`), with
-//!    standard errors that know the noise's color and that of the time stamps (`uncertainty`);
+//!    standard errors that know the noise's color and that of the time stamps (`uncertainty`); of a sensor that is slower than the
+//!    rows, each reading counts once, as a momentary value or as a mean (`averaging`);
 //! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
 //!    others, and what they differ by beyond their own errors (`curve`);
 //! 6. levels get their static response, slope and time constants (`levels`);
@@ -23,6 +24,7 @@
 //! residual of the large steps into their time constants where something else starts them more gently, and make up and down
 //! differ where they do not.
 
+mod averaging;
 mod clipped_plateaus;
 mod curve;
 pub(crate) mod error;
@@ -34,6 +36,7 @@ mod problem;
 mod response;
 mod run;
 mod step;
+mod step_gaps;
 mod uncertainty;
 mod warning;
 mod warnings;
@@ -44,6 +47,7 @@ use nalgebra::DMatrix;
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
+pub use averaging::Averaging;
 pub use curve::TimeConstantCurve;
 pub use error::StepsError;
 pub use levels::{Branch, Level};
@@ -54,6 +58,7 @@ use rotorlead_records::{Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
 use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
+use crate::rows::readings::mean_over;
 use curve::StepTimeConstant;
 use fit::{LagFit, StepRows};
 pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
@@ -134,16 +139,24 @@ impl Serialize for StaircaseFit {
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
     let runs = Run::all(record, output)?;
-    let mut steps = step::find_steps(&record.time_s, &runs);
-    let (y, spike) = (runs[0].clean.clone(), runs[0].spike.clone());
+    let steps = step::find_steps(&record.time_s, &runs);
+    let (y, without_reading) = (runs[0].clean.clone(), runs[0].rows_without_reading());
     let change_std_s = record.command_log.as_ref().map(|log| log.resolution_s() / 12.0_f64.sqrt());
-    let data = StepRows { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike, change_std_s };
+    let data = StepRows {
+        name: &record.file,
+        time_s: &record.time_s,
+        y: &y,
+        without_reading: &without_reading,
+        mean_s: 0.0,
+        change_std_s,
+    };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
-    let lag = fit::fit(&data, &runs, &mut steps, frame_s).map_err(|error| match (error, limit) {
-        (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
-        (error, _) => error,
-    })?;
+    let (lag, mut steps, readings) =
+        averaging::fit(&data, &runs, &steps, frame_s).map_err(|error| match (error, limit) {
+            (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+            (error, _) => error,
+        })?;
     let curve = join(&mut steps, &lag);
     let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
@@ -153,6 +166,8 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
     warnings.extend(warnings::check_fit(&levels, &lag, curve.as_ref()));
     warnings.extend(warnings::check_runs(record, output, &runs));
+    warnings.extend(readings.map(|readings| readings.warning(output.column())));
+    let mean_s = readings.map_or(0.0, |readings| readings.mean_s());
 
     let common = |plateau: &Plateau, _: Option<&StepLag>| {
         // A limit is no level of the motor, but all that is known there.
@@ -164,14 +179,17 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         step.map_or((level, lag.delay_s.value), |step| (step.after, step.delay_s))
     };
     let simulate = |level: &LevelAndDelay<'_>| -> Vec<f64> {
-        let run = |run: &Run| simulate_run(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
+        let run = |run: &Run| {
+            let momentary = simulate_run(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
+            if mean_s > 0.0 { mean_over(&record.time_s[run.rows()], &momentary, mean_s) } else { momentary }
+        };
         runs.iter().flat_map(run).collect()
     };
     let simulated = simulate(&common);
     let own_levels = simulate(&own);
     let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
     let shown: Vec<bool> = runs.iter().flat_map(Run::unclipped_rows).collect();
-    let nothing = step::rows_without_lag(&spike, &runs, &steps);
+    let nothing = step::rows_without_lag(without_reading.clone(), &runs, &steps);
     let clean = |k: usize| shown[k] && !nothing[rows[k]];
     let ceiling = || {
         let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));

@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 use rotorlead_numerics::least_squares::NormalEquations;
 
-use super::response::{Segment, value};
+use super::response::{Segment, mean_value};
 
 /// Delays beyond this are not searched, seconds. Chosen: a motor's is some milliseconds and a log's some tens; longer ones are several time
 /// constants, and reach beyond the shortest plateau.
@@ -26,6 +26,8 @@ pub(super) struct Window {
     pub(super) y: Vec<f64>,
     /// One over the standard deviation of each row by the sensor's noise, zero for one that says nothing.
     pub(super) weight: Vec<f64>,
+    /// Over how long each reading is the mean, seconds; 0 for a momentary value.
+    pub(super) mean_s: f64,
     /// Variance of each row by the noise of its time stamp, in units of that of the sensor's noise.
     pub(super) stamp_variance: Vec<f64>,
 }
@@ -111,7 +113,7 @@ impl StepProblem<'_> {
         let excess = step.before * p[Self::level_before_index(k)] - segment.level;
         let mut ok = segment.delay_s.abs() < MAX_DELAY_S;
         for (&t, out) in step.time_s.iter().zip(out) {
-            *out = value(&segment, excess, t + later_s, &mut ok);
+            *out = mean_value(&segment, excess, t + later_s, step.mean_s, &mut ok);
         }
         ok
     }

@@ -13,6 +13,10 @@
 //! time, so sampling, uneven or not, adds no error:
 //!
 //! `x(t) = x0 E / (1 + k x0/R (1 - E))`, `E = exp(-t/tau)`
+//!
+//! So is its integral, of which the readings of a sensor are that counts pulses or averages between two readings:
+//!
+//! `int_0^t x dt = x0 tau ln(1 + b (1 - E)) / b`, `b = k x0/R`
 
 /// A segment of constant command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +74,26 @@ pub(super) fn value(segment: &Segment, excess: f64, t: f64, ok: &mut bool) -> f6
     segment.level + excess * decay / bend
 }
 
+/// The mean of the response over the `mean_s` before `t`; its value there for no time at all. Clears `ok` as [`simulate`] does.
+pub(super) fn mean_value(segment: &Segment, excess: f64, t: f64, mean_s: f64, ok: &mut bool) -> f64 {
+    let end = value(segment, excess, t, ok);
+    if mean_s == 0.0 {
+        return end;
+    }
+    let elapsed = t - segment.from_s - segment.delay_s;
+    let area = |elapsed: f64| {
+        if elapsed < 0.0 {
+            return excess * elapsed;
+        }
+        let gone = -(-elapsed / segment.time_constant_s).exp_m1();
+        let bend = segment.bend * excess;
+        // Derived: behind the first two terms of the logarithm comes less than a double's rounding.
+        let bent = if bend.abs() < 1e-8 { gone * (1.0 - 0.5 * bend * gone) } else { (bend * gone).ln_1p() / bend };
+        excess * segment.time_constant_s * bent
+    };
+    segment.level + (area(elapsed) - area(elapsed - mean_s)) / mean_s
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,6 +128,22 @@ mod tests {
                     t += h;
                 }
                 assert!((w - truth).abs() < 1e-6, "at {at}: {w} {truth}");
+            }
+        }
+    }
+    #[test]
+    fn the_mean_is_that_of_the_response() {
+        for bend in [0.0, 1e-12, 2e-4, -1e-4] {
+            let segment = Segment { from_s: 0.2, level: 5000.0, time_constant_s: 0.05, delay_s: 0.013, bend };
+            for (excess, t, mean_s) in
+                [(-3000.0, 0.25, 0.1), (2000.0, 0.3, 0.02), (2000.0, 0.21, 0.05), (-3000.0, 0.5, 0.1)]
+            {
+                let mut ok = true;
+                let parts = 20_000;
+                let at = |k: usize| t - mean_s * (k as f64 + 0.5) / parts as f64;
+                let right = (0..parts).map(|k| value(&segment, excess, at(k), &mut true)).sum::<f64>() / parts as f64;
+                let found = mean_value(&segment, excess, t, mean_s, &mut ok);
+                assert!(ok && (found - right).abs() < 1e-3, "{bend} {excess} {t}: {found} {right}");
             }
         }
     }

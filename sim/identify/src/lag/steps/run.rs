@@ -8,6 +8,7 @@ use rotorlead_records::{Output, Record};
 use super::plateaus::{self, Plateau, PlateauState, runs, settled_from};
 use super::{StepsError, checked_response, clipped_plateaus, step};
 use crate::rows::clipping::ClippingLimit;
+use crate::rows::readings::Readings;
 use crate::rows::spikes;
 
 /// Plateaus in a row between which the motor runs; start-up and stopping are cut off.
@@ -17,6 +18,8 @@ pub struct Run {
     pub clean: Arc<[f64]>,
     /// Which rows of the record are spikes.
     pub spike: Arc<[bool]>,
+    /// The readings of a sensor that is slower than the rows; `None` where each row has one of its own.
+    pub readings: Option<Arc<Readings>>,
     /// Two that settle, or more, and those between them that are too short to.
     pub plateaus: Vec<Plateau>,
     /// The limits that the response stands on.
@@ -61,11 +64,13 @@ impl Run {
             return Err(StepsError::BelowZero { record: record.file.clone(), command, response });
         }
         let (clean, spike): (Arc<[f64]>, Arc<[bool]>) = (clean.into(), spike.into());
+        let readings = Readings::find(&record.time_s, response).map(Arc::new);
         let of = |range: Range<usize>| {
             let mut plateaus = all[range].to_vec();
             plateaus[0].rows.start = settled_from(&plateaus[0], &clean)?;
             let limits = clipped_plateaus::mark_clipped_plateaus(&mut plateaus, &clean);
-            Some(Self { clean: clean.clone(), spike: spike.clone(), plateaus, limits })
+            let (clean, spike, readings) = (clean.clone(), spike.clone(), readings.clone());
+            Some(Self { clean, spike, readings, plateaus, limits })
         };
         let found: Vec<Self> = runs(&all).into_iter().filter_map(of).collect();
         if found.is_empty() {
@@ -92,11 +97,19 @@ impl Run {
         self.plateaus.iter().enumerate().flat_map(rows_of).collect()
     }
 
-    /// Whether each row of the record says nothing of a lag: spikes, and what follows a step that a gap of the log hides, until
-    /// it has settled. `time_s` are the stamps of the record.
+    /// Which rows of the record have no reading of their own: spikes, and repeats of the reading before.
+    pub fn rows_without_reading(&self) -> Vec<bool> {
+        let mut without =
+            self.readings.as_ref().map_or_else(|| vec![false; self.spike.len()], |r| r.repeats(self.spike.len()));
+        without.iter_mut().zip(&self.spike[..]).for_each(|(without, spike)| *without |= *spike);
+        without
+    }
+
+    /// Whether each row of the record says nothing of a lag: those without a reading, and what follows a step that a gap of the log
+    /// hides, until it has settled. `time_s` are the stamps of the record.
     pub fn rows_without_lag(&self, time_s: &[f64]) -> Vec<bool> {
         let run = std::slice::from_ref(self);
-        step::rows_without_lag(&self.spike, run, &step::find_steps(time_s, run))
+        step::rows_without_lag(self.rows_without_reading(), run, &step::find_steps(time_s, run))
     }
 
     /// Its rows in the record.

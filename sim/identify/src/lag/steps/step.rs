@@ -9,19 +9,18 @@ use rotorlead_numerics::sample::{mean, median};
 
 use super::Run;
 use super::plateaus::{Direction, Plateau, PlateauState};
-use super::response::{Segment, value};
+use super::response::{Segment, mean_value};
+use super::step_gaps::mark_hidden_steps;
 use crate::estimate::Estimate;
-use crate::rows::gaps::rows_after_gaps;
 
 /// Rows of a window that are before its step. Chosen: their mean is known to 0.18, `1 / sqrt(30)`, of a row's noise; more reach back to
 /// where the response may not have settled.
 const ROWS_BEFORE: usize = 30;
+/// And readings, where each stands in several rows. Chosen: the scatter of fewer is too badly known to tell a drift from it.
+const READINGS_BEFORE: usize = 10;
 /// A step below so many standard errors of its two levels is not there. Derived: by Student's t with the 8 degrees of freedom of both
 /// levels' batches, noise alone exceeds 3 about once in 120 times.
 const LEAST_STD: f64 = 3.0;
-/// A step in which more than this share of the response's way is in one gap of the log shows no lag: a logger that stalls stamps late, and
-/// its next reading may be from any time of the gap. Chosen: a fifth of the way shifts the onset by 0.22 time constants, `-ln 0.8`.
-const MOST_IN_GAP: f64 = 0.2;
 /// A response that still moves by this share of the coming step, where a step begins, has not settled. Chosen: it changes the time
 /// constant by about as much, which is within the scatter between steps; a stricter limit leaves out more of a quick staircase.
 const MOST_UNSETTLED: f64 = 0.1;
@@ -34,13 +33,13 @@ pub enum StepFault {
         /// Its length, seconds.
         gap_s: f64,
     },
-    /// The log has a gap where the response moves.
+    /// The log has a gap between the command and the response's arrival.
     ResponseInGap {
         /// When it begins, seconds after the command.
         after_s: f64,
         /// Its length, seconds.
         gap_s: f64,
-        /// The share of the response's way that is in it.
+        /// The share of the response's way that may be in it.
         share: f64,
     },
     /// The response had not settled when the command changed.
@@ -78,7 +77,7 @@ impl fmt::Display for StepFault {
             }
             Self::ResponseInGap { after_s, gap_s, share } => write!(
                 f,
-                "{:.0} % of the response is in a gap of {:.0} ms in the log that begins {:.0} ms after the command",
+                "up to {:.0} % of the response is in a gap of {:.0} ms in the log that begins {:.0} ms after the command",
                 100.0 * share,
                 1e3 * gap_s,
                 1e3 * after_s
@@ -158,10 +157,12 @@ pub struct StepLag {
     pub fit_percent: f64,
     /// How much faster than an exponential it starts, per unit of the response (`response`).
     pub(super) bend: f64,
+    /// Over how long each reading is the mean, seconds; 0 for a momentary value.
+    pub(super) mean_s: f64,
 }
 
 impl StepLag {
-    /// The fitted response, so many seconds after the command.
+    /// The fitted response as the sensor reads it, so many seconds after the command.
     #[must_use]
     pub fn response(&self, after_s: f64) -> f64 {
         let segment = Segment {
@@ -172,7 +173,7 @@ impl StepLag {
             bend: self.bend,
         };
         // The fit has a response; should rounding say otherwise, it is drawn as it comes out.
-        value(&segment, self.before - self.after, after_s, &mut true)
+        mean_value(&segment, self.before - self.after, after_s, self.mean_s, &mut true)
     }
 }
 
@@ -197,23 +198,24 @@ impl Step {
 
 /// All steps of a record's runs, in time, with a fault where one is seen without a fit.
 pub(super) fn find_steps(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
-    let after_gaps = rows_after_gaps(time_s);
-    let of_run = |run: &Run| {
+    let pairs = |run: &Run| {
         let pairs = run.plateaus.windows(2).enumerate();
-        pairs.map(|(k, pair)| step(time_s, &after_gaps, run, k, &pair[0], &pair[1])).collect::<Vec<Step>>()
+        pairs.map(|(k, pair)| step(run, k, &pair[0], &pair[1])).collect::<Vec<Step>>()
     };
-    runs.iter().flat_map(of_run).collect()
+    let mut steps: Vec<Step> = runs.iter().flat_map(pairs).collect();
+    mark_hidden_steps(time_s, runs, &mut steps);
+    steps
 }
 
-fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
+fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     let y = &run.clean;
     let row = to.rows.start;
-    let ahead = row.saturating_sub(ROWS_BEFORE).max(before.rows.start);
+    let held = run.readings.as_ref().map_or(1, |readings| (readings.rows_per_reading.round() as usize).max(1));
+    let ahead = row.saturating_sub(ROWS_BEFORE.max(READINGS_BEFORE * held)).max(before.rows.start);
     let level = mean(&y[ahead..row]);
     let rise = to.mean - level;
     let sign = if to.direction == Some(Direction::Down) { -1.0 } else { 1.0 };
     let std = before.mean_std.hypot(to.mean_std);
-    let gap_s = |row: usize| time_s[row] - time_s[row - 1];
     let fault = if before.state == PlateauState::Short || to.state == PlateauState::Short {
         Some(StepFault::Short)
     } else if !(run.is_unclipped(k) && run.is_unclipped(k + 1)) {
@@ -222,19 +224,8 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
         Some(StepFault::CommandInGap { gap_s })
     } else if sign * rise <= LEAST_STD * std {
         Some(StepFault::Hidden { rise: sign * rise, std })
-    } else if drift(&y[ahead..row]) > MOST_UNSETTLED * rise.abs() {
-        Some(StepFault::Unsettled)
     } else {
-        // The reading after a gap may be from before it.
-        let moved = |gap: usize| (y[(gap + 1).min(to.rows.end - 1)] - y[gap - 1]) / rise;
-        let first = after_gaps.partition_point(|gap| *gap < row);
-        let gaps = after_gaps[first..].iter().take_while(|gap| **gap < to.rows.end);
-        let worst = gaps.map(|&gap| (gap, moved(gap))).max_by(|a, b| a.1.total_cmp(&b.1));
-        worst.filter(|(_, share)| *share > MOST_IN_GAP).map(|(gap, share)| StepFault::ResponseInGap {
-            after_s: (time_s[gap - 1] - to.change_s).max(0.0),
-            gap_s: gap_s(gap),
-            share: share.min(1.0),
-        })
+        (drift(&y[ahead..row], held) > MOST_UNSETTLED * rise.abs()).then_some(StepFault::Unsettled)
     };
     Step {
         row,
@@ -249,10 +240,10 @@ fn step(time_s: &[f64], after_gaps: &[usize], run: &Run, k: usize, before: &Plat
     }
 }
 
-/// Rows of a record that say nothing of a lag: spikes, and what follows a step that a gap of the log hides, until it has
-/// settled.
-pub(super) fn rows_without_lag(spike: &[bool], runs: &[Run], steps: &[Step]) -> Vec<bool> {
-    let mut nothing = spike.to_vec();
+/// Rows of a record that say nothing of a lag: those without a reading, and what follows a step that a gap of the log hides, until
+/// it has settled.
+pub(super) fn rows_without_lag(without_reading: Vec<bool>, runs: &[Run], steps: &[Step]) -> Vec<bool> {
+    let mut nothing = without_reading;
     for plateau in runs.iter().flat_map(|run| &run.plateaus) {
         let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().map(|k| &steps[k]);
         if step.is_some_and(Step::is_in_gap) {
@@ -262,8 +253,10 @@ pub(super) fn rows_without_lag(spike: &[bool], runs: &[Run], steps: &[Step]) -> 
     nothing
 }
 
-/// By how much the second half of some rows is off the first, beyond what their scatter explains.
-fn drift(values: &[f64]) -> f64 {
+/// By how much the second half of some rows is off the first, beyond what their scatter explains, where each reading stands in `held`.
+fn drift(values: &[f64], held: usize) -> f64 {
+    // Counted from the step backward: how far they are apart is the same whatever the row in which a reading is new.
+    let values: Vec<f64> = values.iter().rev().step_by(held).rev().copied().collect();
     let (first, second) = values.split_at(values.len() / 2);
     if first.is_empty() {
         return 0.0;

@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+use super::Averaging;
+use crate::check::decimal;
+
 /// Why part of a record is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LeftOut {
@@ -85,6 +88,17 @@ pub enum StepsWarning {
         frequency_hz: f64,
         /// How far they are off, in the column's unit.
         off_by: f64,
+    },
+    /// Each reading of a sensor stands in several rows.
+    Repeats {
+        /// What they are readings of.
+        column: &'static str,
+        /// In how many.
+        rows_per_reading: f64,
+        /// From one reading to the next, seconds.
+        interval_s: f64,
+        /// What a reading was taken as.
+        averaging: Averaging,
     },
     /// A part of the record was left out.
     PartLeftOut {
@@ -189,6 +203,12 @@ impl fmt::Display for StepsWarning {
                 "{column} has a steady ripple of {frequency_hz:.1} Hz: {rows} readings are off by some {} each time it comes round; \
                  they were left out. Look for what beats so: telemetry whose slots meet the log's, a count that is read while it changes",
                 if *off_by < 100.0 { format!("{off_by:.3}") } else { format!("{off_by:.0}") }
+            ),
+            Self::Repeats { column, rows_per_reading, interval_s, averaging } => write!(
+                f,
+                "each reading of {column} stands in {} rows and counts once; {}",
+                decimal(*rows_per_reading),
+                averaging.in_words(*interval_s)
             ),
             Self::PartLeftOut { from_s, until_s, reason } => {
                 match (from_s, until_s) {
