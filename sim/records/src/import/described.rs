@@ -1,5 +1,7 @@
 //! What a log does not say of itself: the part of it that is one record, and what drove the command in it.
 
+use rotorlead_numerics::sample::median;
+
 use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, MIN_STEADY_POINTS, Taken};
 use crate::CommandShape;
 use crate::experiment::Excitation;
@@ -149,6 +151,10 @@ impl Taken {
                 (rounded(middle), String::from("middle of its range"))
             }
             (Excitation::Step, _) => (self.command[0], String::from("before the step")),
+            (Excitation::Flight, _) => {
+                let usual = median(self.command.iter().copied()).unwrap_or(middle);
+                ((usual * DIGITS).round() / DIGITS, String::from("its median"))
+            }
             _ => ((middle * DIGITS).round() / DIGITS, String::from("middle of its range")),
         }
     }
