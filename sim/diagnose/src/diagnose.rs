@@ -82,8 +82,10 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let found = diagnose_with_map(experiment, options)?;
     let square = || {
         // A given model is of thrust.
-        let speeds = options.model.is_none().then(|| square_of_speed::as_speeds(experiment, &found)).flatten()?;
-        square_of_speed::explained(&found, &speeds, diagnose_with_map(&speeds, options).ok()?)
+        let [thrust, roots] =
+            options.model.is_none().then(|| square_of_speed::as_speeds(experiment, &found)).flatten()?;
+        let of_thrust = diagnose_with_map(&thrust, options).ok()?;
+        square_of_speed::explained((&found, &of_thrust), &roots, diagnose_with_map(&roots, options).ok()?)
     };
     Ok(square().unwrap_or(found))
 }

@@ -10,7 +10,7 @@
 //! which a lag of thrust imitates by unequal time constants, or one that depends on the operating point. The curvature of the
 //! catalog's static map does not say it: the map from command to speed bends the other way ahead of the lag, and both together may well be
 //! a straight line. So the square root of thrust is diagnosed as a speed is, with its steady values as measured, and what this names
-//! stands where it explains more.
+//! stands where it explains more than the same does of thrust itself: levels that are off say nothing of the square.
 
 use rotorlead_plant::effect::{asymmetric_lag, operating_point_lag, quadratic_thrust};
 use rotorlead_plant::{Effect, Model};
@@ -34,25 +34,33 @@ pub struct SquareOfSpeed {
     pub time_constants_s: Vec<f64>,
 }
 
-/// The square roots of thrust as the speeds of `experiment`, where `found` names of it what the square imitates, or does not explain it.
-pub(crate) fn as_speeds(experiment: &Experiment, found: &Diagnosis) -> Option<Experiment> {
+/// Thrust itself, and its square root, as the speeds of `experiment`, where `found` names of it what the square imitates, or does not
+/// explain it.
+pub(crate) fn as_speeds(experiment: &Experiment, found: &Diagnosis) -> Option<[Experiment; 2]> {
     let is_imitated = found.effects.iter().any(|effect| IMITATED.contains(&effect.kind.id));
     let is_steps = experiment.records.iter().all(|record| !record.excitation.is_periodic());
     let is_open = matches!(found.verdict, Verdict::PartlyNamed | Verdict::Unknown);
     if !(is_imitated || is_open) || !is_steps || experiment.output != Output::ThrustN {
         return None;
     }
-    let mut speeds = Experiment { output: Output::Rpm, ..experiment.clone() };
-    for record in &mut speeds.records {
-        // An offset or noise below zero is no speed.
-        record.rpm = Some(record.thrust_n.take()?.iter().map(|thrust| thrust.max(0.0).sqrt()).collect());
-    }
-    Some(speeds)
+    let with_speed = |speed: fn(f64) -> f64| {
+        let mut speeds = Experiment { output: Output::Rpm, ..experiment.clone() };
+        for record in &mut speeds.records {
+            record.rpm = Some(record.thrust_n.take()?.into_iter().map(speed).collect());
+        }
+        Some(speeds)
+    };
+    // An offset or noise below zero is no speed.
+    Some([with_speed(|thrust| thrust)?, with_speed(|thrust| thrust.max(0.0).sqrt())?])
 }
 
-/// The diagnosis of `speeds` as one of thrust, where it explains more than `found` does.
-pub(crate) fn explained(found: &Diagnosis, speeds: &Experiment, mut of_speeds: Diagnosis) -> Option<Diagnosis> {
-    if !of_speeds.gap.explains_more_than(found.gap) {
+/// The diagnosis of `speeds` as one of thrust, where it explains more than that of thrust does, by `found` and as a speed.
+pub(crate) fn explained(
+    (found, of_thrust): (&Diagnosis, &Diagnosis),
+    speeds: &Experiment,
+    mut of_speeds: Diagnosis,
+) -> Option<Diagnosis> {
+    if ![found, of_thrust].iter().all(|other| of_speeds.gap.explains_more_than(other.gap)) {
         return None;
     }
     of_speeds.square_of_speed = Some(SquareOfSpeed {
