@@ -349,8 +349,11 @@ pub fn step_record(experiment: &Experiment) -> Result<&Record, IdentifyError> {
 
 /// The true reason where no step carries a lag, or nothing says what was played, and the command shows what it is.
 fn with_shape(experiment: &Experiment, error: IdentifyError) -> IdentifyError {
-    let is_unclear =
-        matches!(error, IdentifyError::Steps(StepsError::NoUsableStep { .. }) | IdentifyError::Free { .. });
+    let is_unclear = matches!(
+        error,
+        IdentifyError::Steps(StepsError::NoUsableStep { .. } | StepsError::NoPlateaus { .. })
+            | IdentifyError::Free { .. }
+    );
     let records = experiment.records.iter().filter(|record| may_fit(record) && !record.compensated);
     let shape = |record: &Record| record.command_shape().map(|shape| (record.file.clone(), shape));
     match records.filter(|_| is_unclear).find_map(shape) {
