@@ -56,7 +56,7 @@ fn assert_lag(experiment: &Experiment, tau_s: f64, dead_s: f64) {
     let (tau_std, dead_std) = (point.time_constant_s_std.unwrap(), 0.002 * tau_s + 0.0002);
     assert!(tau_std < 0.02 * tau_s, "{tau_std}");
     assert!((point.time_constant_s - tau_s).abs() < 4.0 * tau_std, "{} +- {tau_std}", point.time_constant_s);
-    assert!((point.delay_s.unwrap_or(0.0) - dead_s).abs() < 4.0 * dead_std, "{:?}", point.delay_s);
+    assert!((point.delay_s - dead_s).abs() < 4.0 * dead_std, "{:?}", point.delay_s);
 }
 
 #[test]
@@ -67,8 +67,7 @@ fn the_random_binary_command_of_the_case_gives_its_lag() {
     let Import { experiment, .. } = import(&log, &options).unwrap();
     let found = identified(&experiment).unwrap();
     let point = &found.model.points[0];
-    let (tau_s, tau_std_s, dead_s) =
-        (point.time_constant_s, point.time_constant_s_std.unwrap(), point.delay_s.unwrap());
+    let (tau_s, tau_std_s, dead_s) = (point.time_constant_s, point.time_constant_s_std.unwrap(), point.delay_s);
     assert!((tau_s - 0.060_14).abs() < 0.000_05 && (tau_std_s - 0.000_16).abs() < 0.000_02, "{tau_s} {tau_std_s}");
     assert!((dead_s - 0.009_952).abs() < 0.000_05, "{dead_s}");
 }
