@@ -4,7 +4,7 @@ use rotorlead_identify::lag::steps::{Run, fit_staircase};
 use rotorlead_identify::static_map::{DegreeRule, MapLimit, StaticMapFit};
 use rotorlead_records::Experiment;
 
-use crate::stand::{Stand, case};
+use crate::stand::{Map, Stand, case};
 use crate::{identified, warned};
 
 const DRIFT: &str = "heat or the supply";
@@ -19,7 +19,7 @@ fn half(map: &StaticMapFit) -> f64 {
 }
 
 /// The same of the truth, by halves.
-fn half_of(truth: fn(f64) -> f64, (from, to): (f64, f64)) -> f64 {
+fn half_of(truth: Map, (from, to): (f64, f64)) -> f64 {
     let (mut low, mut high) = (from, to);
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
@@ -46,7 +46,7 @@ fn a_curved_map_of_few_levels_is_curved_and_no_drift() {
     let up = |map, levels| Stand { map, levels, hold_s: 2.0, noise: 3e-4, rate_hz: 200.0, ..Stand::default() };
     // Nine points on five levels are enough for the F-test.
     const RULES: [DegreeRule; 3] = [DegreeRule::CrossValidation, DegreeRule::CrossValidation, DegreeRule::FTest];
-    let maps: [(fn(f64) -> f64, &'static [f64]); 3] = [
+    let maps: [(Map, &'static [f64]); 3] = [
         (|u| 1.1 * u.sqrt() - 0.2, &[0.2, 0.4, 0.6, 0.8]),
         (|u| 1.0 - (-2.2 * u).exp(), &[0.9, 0.75, 0.6, 0.45, 0.3, 0.15]),
         (|u| 1.2 * u / (0.3 + u), &[0.2, 0.35, 0.5, 0.65, 0.8, 0.65, 0.5, 0.35, 0.2]),

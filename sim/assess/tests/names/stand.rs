@@ -13,6 +13,9 @@ use rotorlead_records::{Excitation, Experiment};
 /// Steps of the integration for each row.
 const STEPS_PER_ROW: usize = 20;
 
+/// The response of a level, 0..1, to its command.
+pub type Map = fn(f64) -> f64;
+
 /// A motor with what is before and behind it.
 pub struct Stand {
     pub levels: &'static [f64],
@@ -21,7 +24,7 @@ pub struct Stand {
     /// Time constants of the speed, up and down, seconds.
     pub tau_s: [f64; 2],
     /// Speed that a command leads to.
-    pub map: fn(f64) -> f64,
+    pub map: Map,
     /// Fastest change of the command, duty/s.
     pub ramp_per_s: f64,
     /// The response is thrust, so many newtons at speed 1, and goes with the square of the speed.
