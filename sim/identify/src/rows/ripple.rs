@@ -88,7 +88,8 @@ mod tests {
         assert!((ripple.frequency_hz - 7.692).abs() < 0.01, "{ripple:?}");
         // As often, at any time.
         for seed in [12_345_usize, 999, 31_337] {
-            let is_off = |row: usize| (row + seed).wrapping_mul(2_654_435_761) % 4_294_967_296 / 1024 % 13 == 0;
+            let is_off =
+                |row: usize| ((row + seed).wrapping_mul(2_654_435_761) % 4_294_967_296 / 1024).is_multiple_of(13);
             assert_eq!(found(is_off), None, "{seed}");
         }
         assert_eq!(found(|row| row == 700), None);
