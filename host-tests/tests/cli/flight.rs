@@ -30,7 +30,7 @@ fn a_blackbox_of_a_flight_gives_a_lag_a_compensator_and_no_diagnosis() {
     let model = stand.read("motor.toml");
     assert!(model.contains("excitation = \"flight\""), "{model}");
 
-    let text = stand.run("identify air");
+    let text = stand.run("identify air --verbose");
     assert!(text.contains("identified in flight") && text.contains("Each motor"), "{text}");
     let designed: Value = stand.json("design motor.toml --out lead.toml");
     assert!(designed["judgement"]["state"] == "ready within limits", "{designed:#}");

@@ -175,7 +175,7 @@ fn what_import_cannot_know_or_do_is_refused() {
         (
             format!("{log} --excitation sine --out bench"),
             2,
-            &["multisine, square, triangle, step, staircase, chirp, random, steady, free"],
+            &["multisine, square, triangle, step, staircase, chirp, random, steady, flight, free"],
         ),
         (format!("{log} --column time=t:gf --out bench"), 2, &["`gf` is no unit of time: s, ms, us, ns or clock"]),
         (format!("{log} --column time=a:s --column time=b:s --out bench"), 2, &["says twice which column is the time"]),
@@ -346,7 +346,7 @@ fn a_flight_is_refused_and_taken_as_free_alone() {
     stand.refuses(
         &format!("import {LOGS}/blackbox.bbl --out flight"),
         1,
-        &["a flight, and no bench run", "one motor at a time"],
+        &["a flight, and no bench run", "`--excitation flight` takes all motors"],
     );
     stand.run(&format!("import {LOGS}/blackbox.bbl --excitation free --out flight"));
     stand.refuses("identify flight --out model.toml", 1, &["free"]);

@@ -202,7 +202,7 @@ fn a_ramp_that_a_lag_imitates_is_no_lag() {
     assert_eq!(improved["provenance"]["judgement"]["state"].as_str(), Some("not a lag"));
     let refused = stand.command("design improved.toml --out c.toml").output().unwrap();
     assert!(String::from_utf8_lossy(&refused.stderr).contains("none is recommended for a force"), "{refused:?}");
-    assert!(judgement["limits"][0].as_str().unwrap().contains("by 0.82 of the range in a second"), "{judgement}");
+    assert!(judgement["limits"][0].as_str().unwrap().contains("by 0.80 of the range in a second"), "{judgement}");
 }
 
 #[test]
