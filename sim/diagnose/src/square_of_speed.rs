@@ -23,6 +23,7 @@ use crate::outcome::Diagnosis;
 
 /// What the square imitates in thrust.
 const IMITATED: [&str; 2] = [asymmetric_lag::ID, operating_point_lag::ID];
+
 /// Thrust that is the square of a speed, which was diagnosed in place of thrust.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SquareOfSpeed {

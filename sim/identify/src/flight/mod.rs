@@ -11,7 +11,7 @@
 //! two differ ([`error::FlightError::Biased`]).
 //!
 //! The standard errors hold what the noise does, what two halves of the flight differ by, what the motors of the vehicle differ by, and what
-//! the model's structure costs, which is known from simulated flights alone ([`STRUCTURE`]). Assumed are a first-order lag, a dead time that does
+//! the model's structure costs, which is known from simulated flights alone. Assumed are a first-order lag, a dead time that does
 //! not change, and a log that repeats no report unseen.
 
 pub mod error;
