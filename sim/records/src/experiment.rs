@@ -190,6 +190,12 @@ pub struct Setpoints {
 }
 
 impl Setpoints {
+    /// Those that there are, to be cut as the other columns are.
+    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let Self { roll_rad_s, pitch_rad_s, yaw_rad_s, throttle } = self;
+        [roll_rad_s, pitch_rad_s, yaw_rad_s, throttle].into_iter().flatten()
+    }
+
     /// Those that there are.
     pub fn columns(&self) -> impl Iterator<Item = &[f64]> {
         [&self.roll_rad_s, &self.pitch_rad_s, &self.yaw_rad_s, &self.throttle].into_iter().filter_map(Option::as_deref)

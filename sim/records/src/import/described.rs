@@ -44,10 +44,7 @@ impl Taken {
                 "give --seconds a part that lies in the log; they are counted from its first row",
             ));
         }
-        let columns = [&mut self.time_s, &mut self.command].into_iter();
-        let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
-        let is_there = |column: &&mut Vec<f64>| !column.is_empty();
-        for column in columns.chain(optional.into_iter().flatten()).filter(is_there) {
+        for column in self.columns_of_rows() {
             column.truncate(end);
             column.drain(..first);
         }

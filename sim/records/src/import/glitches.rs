@@ -30,9 +30,7 @@ impl Taken {
         if self.own_command.is_empty() {
             self.own_command = self.time_s.iter().copied().zip(self.command.iter().copied()).collect();
         }
-        let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
-        let columns = [&mut self.time_s, &mut self.command].into_iter().chain(optional.into_iter().flatten());
-        for column in columns.filter(|column| !column.is_empty()) {
+        for column in self.columns_of_rows() {
             let mut kept = keep.iter();
             column.retain(|_| kept.next().copied().unwrap_or(true));
         }

@@ -335,6 +335,13 @@ impl Taken {
 }
 
 impl Taken {
+    /// Every column that has a number for each row.
+    fn columns_of_rows(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
+        let all = [&mut self.time_s, &mut self.command].into_iter().chain(optional.into_iter().flatten());
+        all.chain(self.setpoints.columns_mut()).filter(|column| !column.is_empty())
+    }
+
     /// Makes the response what is asked for, which has to be there.
     fn check_response(&mut self, options: &ImportOptions) -> Result<(), ImportError> {
         self.output = options.output.unwrap_or(self.output);

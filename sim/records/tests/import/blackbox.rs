@@ -638,6 +638,11 @@ fn a_flight_is_taken_with_all_motors_where_it_is_called_one() {
     let center = &found.model.points[found.model.points.len() / 2];
     let truth = flight.vehicle.time_constant_s(0, center.nominal, flight.mean_voltage_v);
     assert!((center.time_constant_s / truth - 1.0).abs() < 0.05, "{center:?} {truth}");
+    // A part of it has a part of every column.
+    let part = ImportOptions { seconds: Some((2.0, 5.0)), motor: Some(1), ..flown.clone() };
+    let taken = importing::imported(&blackbox::log(&flight), &part).unwrap().experiment;
+    let rows = taken.records[0].time_s.len();
+    assert!(rows > 1000 && taken.records[0].setpoints.columns().all(|column| column.len() == rows));
     // One motor alone is a record of its own.
     let one = ImportOptions { motor: Some(2), ..flown };
     let taken = importing::imported(&blackbox::log(&flight), &one).unwrap().experiment;

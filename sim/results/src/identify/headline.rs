@@ -36,7 +36,8 @@ fn steps_headline(fit: &StaircaseFit) -> String {
         }
     };
     let (low, high) = fit.delay_s.interval(0.95);
-    let most_ms = (1e3 * high).round();
+    // Rounded, a little less than nothing is nothing, and has no sign.
+    let most_ms = (1e3 * high).round() + 0.0;
     let delay = if fit.delay_s.value <= 0.0 && most_ms < 0.0 {
         format!("no dead time (the response is {:.0} ms ahead of its command)", -1e3 * fit.delay_s.value)
     } else if fit.delay_s.value <= 0.0 {
