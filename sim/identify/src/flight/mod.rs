@@ -40,9 +40,9 @@ use motor::Motor;
 use series::BENDS;
 
 /// What the model's structure costs the logarithm of a time constant. Tuned: on 60 simulated flights (`examples/flights.rs`, seeds 1000 to
-/// 1059) the errors of the fit have the size of this; gusts, the inflow and a telemetry that rounds are not the autoregression that the fit
+/// 1059; the first motor alone, 1000 to 1039) the errors of the fit have the size of this; gusts, the inflow and a telemetry that rounds are not the autoregression that the fit
 /// takes them for.
-const STRUCTURE: Structure = Structure { noise: 3.0, least: 0.01, slope: 0.08 };
+const STRUCTURE: Structure = Structure { noise: 3.0, least: 0.01, least_alone: 0.025, slope: 0.08 };
 /// Relative standard error of a time constant above which a flight is refused. Chosen: that of the judgement for a lag that is known well
 /// enough.
 pub const LARGEST_STD: f64 = 0.1;
@@ -56,6 +56,8 @@ struct Structure {
     noise: f64,
     /// The least one, at the median of the command.
     least: f64,
+    /// The same of a motor without the others of its vehicle, whose thrust moves the air that it turns in.
+    least_alone: f64,
     /// That for each e-fold of the command from there.
     slope: f64,
 }
@@ -123,7 +125,8 @@ fn point(motors: &[Motor], level: f64) -> Point {
     let noise = lags.iter().map(|(_, std)| std * std).sum::<f64>() / count;
     // The structure is the same for all motors of a vehicle, so that their number does not help.
     let slope = STRUCTURE.slope * (level / center).ln();
-    let structure = STRUCTURE.least.powi(2) + slope.powi(2);
+    let least = if motors.len() > 1 { STRUCTURE.least } else { STRUCTURE.least_alone };
+    let structure = least.powi(2) + slope.powi(2);
     let variance = (STRUCTURE.noise.powi(2) * noise).max(halves) + structure + scatter(&logs);
     let values: Vec<f64> = gains.iter().map(|(gain, _)| *gain).collect();
     let gain_variance = gains.iter().map(|(_, std)| std * std).sum::<f64>() / count * STRUCTURE.noise.powi(2);

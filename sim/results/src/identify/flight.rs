@@ -8,13 +8,13 @@ use rotorlead_plant::Model;
 
 /// What the standard errors of a flight hold.
 pub(super) fn basis_of_errors(found: &FlightIdentification) -> String {
-    let motors = match found.motors.len() {
-        1 => "of one motor".to_owned(),
-        count => format!("of {count} motors, and what they differ by"),
+    let (motors, least) = match found.motors.len() {
+        1 => ("of one motor without the others of its vehicle".to_owned(), "2.5 %"),
+        count => (format!("of {count} motors, and what they differ by"), "1 %"),
     };
     format!(
         "Prediction-error fit in closed loop {motors}. +- is one standard error: three times that of the noise, which is what gusts and telemetry cost \
-         on simulated flights, and 1 % at least."
+         on simulated flights, and {least} at least."
     )
 }
 
