@@ -29,7 +29,7 @@ pub(super) struct MotorConstant {
 /// levels around their polynomial.
 pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
     let map = maps.rpm.as_ref().ok_or(
-        "no rotor speed is known: identify records of `rpm`, or give records that have it beside the thrust with the option records",
+        "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it beside the thrust with the option records",
     )?;
     check_top(map, range)?;
     let (command, rpm) = between(map, range).last().ok_or("no level is in the motor's output range")?;
