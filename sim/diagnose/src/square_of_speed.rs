@@ -61,6 +61,11 @@ pub(crate) fn explained(
     speeds: &Experiment,
     mut of_speeds: Diagnosis,
 ) -> Option<Diagnosis> {
+    // What has no name is not to get half of one.
+    let is_explained = matches!(of_speeds.verdict, Verdict::Agrees | Verdict::Named);
+    if found.verdict == Verdict::Unknown && !is_explained {
+        return None;
+    }
     if ![found, of_thrust].iter().all(|other| of_speeds.gap.explains_more_than(other.gap)) {
         return None;
     }

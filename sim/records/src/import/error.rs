@@ -97,7 +97,8 @@ pub enum ImportError {
     )]
     #[diagnostic(help(
         "a controller answers what the motors do, so that a lag of a bench is not to be fitted: `--excitation flight` takes all motors as they \
-         flew, whose lag is estimated in closed loop; --seconds takes a part of the log that is a run of one motor on a bench"
+         flew, whose lag is estimated in closed loop; --seconds takes a part of the log that is a run of one motor on a bench, and \
+         `--excitation free` one motor as a record that no lag is fitted to"
     ))]
     Flight {
         /// The log.
