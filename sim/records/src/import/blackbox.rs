@@ -101,9 +101,9 @@ fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> R
         .then(|| voltage.into_iter().map(|v| v * VOLTS).collect());
     let asked = |place: usize, unit: f64| {
         let is_there = is_flight && setpoint_fields[place].is_some();
-        is_there.then(|| column(SETPOINTS_FROM + place).into_iter().map(|value| value * unit / scale(&log)).collect())
+        is_there.then(|| column(SETPOINTS_FROM + place).into_iter().map(|value| value * unit).collect())
     };
-    let rate = 1.0_f64.to_radians();
+    let rate = 1.0_f64.to_radians() / rate_scale(&log);
     let setpoints = Setpoints {
         roll_rad_s: asked(0, rate),
         pitch_rad_s: asked(1, rate),
@@ -195,8 +195,8 @@ fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<
     Ok(place)
 }
 
-/// By what setpoints are written larger: ten in a log of high resolution.
-fn scale(log: &BlackboxLog<'_>) -> f64 {
+/// By what rates are written larger: ten in a log of high resolution. The throttle is not (Betaflight, `blackbox.c`).
+fn rate_scale(log: &BlackboxLog<'_>) -> f64 {
     if log.header("blackbox_high_resolution") == Some("1") { 10.0 } else { 1.0 }
 }
 

@@ -638,6 +638,17 @@ fn a_flight_is_taken_with_all_motors_where_it_is_called_one() {
     let center = &found.model.points[found.model.points.len() / 2];
     let truth = flight.vehicle.time_constant_s(0, center.nominal, flight.mean_voltage_v);
     assert!((center.time_constant_s / truth - 1.0).abs() < 0.05, "{center:?} {truth}");
+    // In high resolution the numbers of the rates are ten times as large, and that of the throttle is not.
+    let log = String::from_utf8_lossy(&blackbox::log(&flight)[..2000]).into_owned();
+    let place = log.find("H features").unwrap();
+    let mut fine = blackbox::log(&flight);
+    fine.splice(place..place, *b"H blackbox_high_resolution:1\n");
+    let fine = importing::imported(&fine, &ImportOptions { motor: Some(1), ..flown.clone() }).unwrap().experiment;
+    let (coarse, fine) = (&experiment.records[0].setpoints, &fine.records[0].setpoints);
+    let largest =
+        |column: &Option<Vec<f64>>| column.iter().flatten().fold(0.0, |most: f64, value| most.max(value.abs()));
+    assert!((10.0 * largest(&fine.roll_rad_s) / largest(&coarse.roll_rad_s) - 1.0).abs() < 1e-9);
+    assert_eq!(fine.throttle, coarse.throttle);
     // A part of it has a part of every column.
     let part = ImportOptions { seconds: Some((2.0, 5.0)), motor: Some(1), ..flown.clone() };
     let taken = importing::imported(&blackbox::log(&flight), &part).unwrap().experiment;
