@@ -40,8 +40,8 @@ use motor::Motor;
 use series::BENDS;
 
 /// What the model's structure costs the logarithm of a time constant. Tuned: on 60 simulated flights (`examples/flights.rs`, seeds 1000 to
-/// 1059; the first motor alone, 1000 to 1039) the errors of the fit have the size of this; gusts, the inflow and a telemetry that rounds are not the autoregression that the fit
-/// takes them for.
+/// 1059; the first motor alone, 1000 to 1039) the errors of the fit have the size of this; gusts, the inflow and a telemetry that rounds are
+/// not the autoregression that the fit takes them for.
 const STRUCTURE: Structure = Structure { noise: 3.0, least: 0.01, least_alone: 0.025, slope: 0.08 };
 /// Relative standard error of a time constant above which a flight is refused. Chosen: that of the judgement for a lag that is known well
 /// enough.
@@ -112,6 +112,11 @@ fn levels(motors: &[Motor]) -> Vec<f64> {
     }
 }
 
+/// The least standard error at the median of the command, of the mean of so many motors.
+fn least_std(motors: usize) -> f64 {
+    if motors > 1 { STRUCTURE.least } else { STRUCTURE.least_alone }
+}
+
 /// The mean of the motors at a level, with what they differ by.
 fn point(motors: &[Motor], level: f64) -> Point {
     let count = motors.len() as f64;
@@ -125,8 +130,7 @@ fn point(motors: &[Motor], level: f64) -> Point {
     let noise = lags.iter().map(|(_, std)| std * std).sum::<f64>() / count;
     // The structure is the same for all motors of a vehicle, so that their number does not help.
     let slope = STRUCTURE.slope * (level / center).ln();
-    let least = if motors.len() > 1 { STRUCTURE.least } else { STRUCTURE.least_alone };
-    let structure = least.powi(2) + slope.powi(2);
+    let structure = least_std(motors.len()).powi(2) + slope.powi(2);
     let variance = (STRUCTURE.noise.powi(2) * noise).max(halves) + structure + scatter(&logs);
     let values: Vec<f64> = gains.iter().map(|(gain, _)| *gain).collect();
     let gain_variance = gains.iter().map(|(_, std)| std * std).sum::<f64>() / count * STRUCTURE.noise.powi(2);
@@ -167,6 +171,13 @@ fn scatter(values: &[f64]) -> f64 {
 }
 
 impl FlightIdentification {
+    /// What the standard errors of the time constants hold of the model's structure: how many times the error that the noise makes, and the
+    /// least share of the time constant, at the median of the command.
+    #[must_use]
+    pub fn structural_std(&self) -> (f64, f64) {
+        (STRUCTURE.noise, least_std(self.motors.len()))
+    }
+
     /// Refuses what is not known.
     fn check(&self, experiment: &Experiment) -> Result<(), FlightError> {
         let part = |point: &Point| point.time_constant_s_std.unwrap_or(f64::INFINITY) / point.time_constant_s;

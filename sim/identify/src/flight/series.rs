@@ -7,15 +7,16 @@ use rotorlead_records::{Experiment, Record};
 
 use crate::error::IdentifyError;
 use crate::rows::columns::response_column;
+use crate::rows::gaps::{rows_after_intervals, usual_interval_s};
 
 use super::error::FlightError;
 use super::{telemetry, vehicle};
 
-/// Samples per second at most. Chosen: 16 samples in the time constant of a fast motor (20 ms at 250 Hz is five, and its corner is at 8 Hz, a
-/// sixteenth of half the rate); more rows are averaged, which costs nothing of the band and takes their quantization down.
+/// Samples per second at most. Chosen: five samples in the 20 ms of a fast motor, whose corner at 8 Hz is a sixteenth of half the rate; more rows
+/// are averaged, which costs nothing of the band and takes their quantization down.
 pub(super) const SAMPLE_RATE_HZ: f64 = 250.0;
-/// An interval of more usual ones than this is a gap, behind which the motor's state is not known. Chosen: as for chirps
-/// (`rows::even`), between the longest wait of a logger and the shortest loss.
+/// An interval of more usual ones than this is a gap, behind which the motor's state is not known. Chosen: of a lost row or two at 500 rows a
+/// second the command is known well enough by a straight line; for longer a controller has moved it.
 pub(super) const GAP_INTERVALS: f64 = 5.0;
 /// Rows further apart than this say too little of what the controller commanded between them. Chosen: a rate loop moves its command up to some
 /// 100 Hz, and simulated flights were looked at down to 500 rows a second.
@@ -80,15 +81,12 @@ impl Series {
         let rpm = response_column(record, experiment.output)?;
         let time_s = record.time_s.clone();
         let refuse = |error: FlightError| Err(IdentifyError::from(error));
-        let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let step_s = median(intervals.iter().copied()).unwrap_or(0.0);
+        let step_s = usual_interval_s(&time_s).unwrap_or(0.0);
         if step_s > LONGEST_INTERVAL_S {
             let (file, interval_ms) = (record.file.clone(), 1e3 * step_s);
             return refuse(FlightError::TooSlow { file, interval_ms, longest_ms: 1e3 * LONGEST_INTERVAL_S });
         }
-        let starts: Vec<usize> = std::iter::once(0)
-            .chain((1..time_s.len()).filter(|&row| intervals[row - 1] > GAP_INTERVALS * step_s))
-            .collect();
+        let starts: Vec<usize> = std::iter::once(0).chain(rows_after_intervals(&time_s, GAP_INTERVALS)).collect();
         let input = match slow_supply(record) {
             Some(slow) => record.command.iter().zip(&slow).map(|(command, part)| command * part).collect(),
             None => record.command.clone(),
