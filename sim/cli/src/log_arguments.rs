@@ -119,8 +119,13 @@ impl LogArguments {
         let experiment = whole.ok_or_else(|| UsageError::new("no log is given", "give one or more"))?;
         // What else may be wrong is for `rotorlead check`, which sees all records together.
         // Of a log without its command that is after it is merged.
-        let records = experiment.records.iter().filter(|_| !options.without_command);
-        let findings = records.flat_map(|record| check_record(&experiment, record, false)).filter(Finding::is_grave);
+        let records = experiment.records.iter().filter(|_| !options.without_command).enumerate();
+        let findings = records.flat_map(|(place, record)| {
+            // All motors of a flight are of one log.
+            let log = summaries.get(place).unwrap_or(&summaries[0]);
+            let found = check_record(&experiment, record, false).into_iter().filter(Finding::is_grave);
+            found.map(|finding| log.with_source(finding, experiment.output.column())).collect::<Vec<_>>()
+        });
         Ok(Logs { findings: findings.collect(), experiment, summaries })
     }
 

@@ -82,7 +82,7 @@ pub enum RecordFault {
         unit: CommandUnit,
     },
     /// A response in another unit than its column says.
-    #[error("{file}: {evidence}: `{}` seems to be in {}", unit.column(), unit.words())]
+    #[error("{file}: {evidence}: `{}` seems to be in another unit than {}", unit.column(), unit.unit())]
     #[diagnostic(help("{}", unit.remedy()))]
     ResponseUnit {
         /// The record.

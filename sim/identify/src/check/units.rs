@@ -121,24 +121,27 @@ impl ResponseUnit {
         }
     }
 
-    pub(super) fn words(self) -> &'static str {
+    /// In which unit such a column is.
+    pub(super) fn unit(self) -> &'static str {
         match self {
-            Self::Grams => "grams-force, not newtons",
-            Self::Kilograms => "kilograms-force or pounds-force, not newtons",
-            Self::PerSecond => "revolutions or radians per second, not revolutions per minute",
-            Self::Electrical => "electrical revolutions per minute, not those of the shaft",
+            Self::Grams | Self::Kilograms => "newtons",
+            Self::PerSecond | Self::Electrical => "revolutions of the rotor per minute",
         }
     }
 
     pub(super) fn remedy(self) -> &'static str {
         match self {
-            Self::Grams => "multiply `thrust_n` by 0.00980665: a gram-force is so many newtons",
+            Self::Grams => "where it is in grams-force, multiply `thrust_n` by 0.00980665",
             Self::Kilograms => {
                 "multiply `thrust_n` by 9.80665 where it is in kilograms-force, by 4.44822 where it is in pounds-force, unless the \
                  motor is as small as that"
             }
-            Self::PerSecond => "multiply `rpm` by 60, or by 9.5493 where it is in rad/s",
-            Self::Electrical => "divide `rpm` by the motor's pole pairs: half the number of its magnets",
+            Self::PerSecond => {
+                "multiply `rpm` by 60 where it is in revolutions per second, by 9.5493 where it is in rad/s"
+            }
+            Self::Electrical => {
+                "where it is in electrical revolutions, divide `rpm` by the motor's pole pairs: half the number of its magnets"
+            }
         }
     }
 }

@@ -36,6 +36,10 @@ pub(super) const FORMAT: LogFormat = LogFormat {
             usual: Some(Excitation::Staircase),
             is_dshot_or_pulse: true,
             may_be_flight: true,
+            speed_elsewhere: Some(
+                "Logs of Betaflight 4.1 to 4.4 have it in `debug[]` where debug_mode was DSHOT_RPM_TELEMETRY, that of motor 1 as \
+                 `--column 'rpm=debug[0]:erpm/100'`",
+            ),
             ..Dialect::PLAIN
         },
     },

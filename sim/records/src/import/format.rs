@@ -79,6 +79,8 @@ pub(super) struct Dialect {
     pub(super) may_be_flight: bool,
     /// What a reader of the record has to know.
     pub(super) note: Option<&'static str>,
+    /// Where else a speed may be that no name says, as a sentence.
+    pub(super) speed_elsewhere: Option<&'static str>,
 }
 
 /// What the name of a column says in a format.
@@ -92,8 +94,15 @@ pub(super) struct Meaning {
 
 impl Dialect {
     /// One whose columns' names speak for themselves, and of which nothing else is known.
-    pub(super) const PLAIN: Self =
-        Self { names: &[], is_stand: false, usual: None, is_dshot_or_pulse: false, may_be_flight: false, note: None };
+    pub(super) const PLAIN: Self = Self {
+        names: &[],
+        is_stand: false,
+        usual: None,
+        is_dshot_or_pulse: false,
+        may_be_flight: false,
+        note: None,
+        speed_elsewhere: None,
+    };
 
     /// What a column of this name says.
     pub(super) fn meaning(&self, name: &str) -> Option<Meaning> {

@@ -43,6 +43,12 @@ impl MissingOption {
         Self { name: "--motor-poles", value: String::from("N") }
     }
 
+    /// How many rows a second there are.
+    #[must_use]
+    pub fn rate() -> Self {
+        Self { name: "--rate", value: String::from("HZ") }
+    }
+
     pub(super) fn pulse_us() -> Self {
         Self { name: "--pulse-us", value: String::from("LOW..HIGH") }
     }

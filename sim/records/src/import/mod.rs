@@ -23,10 +23,6 @@ mod mat;
 mod mat5;
 mod missing;
 mod plain;
-mod plain_columns;
-mod plain_layout;
-mod plain_response;
-mod plain_speeds;
 mod quantity;
 mod rcbenchmark;
 mod stamps;
@@ -51,7 +47,7 @@ pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 use super::{CommandLog, Excitation, Experiment, Output, Record, Setpoints};
 use described::Described;
 use format::{Dialect, Reader};
-use plain_layout::PlainTable;
+use plain::PlainTable;
 
 /// What a log does not say of itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -166,7 +162,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         }
     }
     let taken = take(file, bytes, options)?;
-    let may_be_another = taken.summary.has_motors && options.motor.is_none();
+    let may_be_another = taken.summary.has_motors;
     match taken.into_import(file, options) {
         Err(ImportError::ConstantCommand { command, rows, .. }) if may_be_another => {
             take_moving_motor(file, bytes, options, ImportError::ConstantCommand { file: file.into(), command, rows })
@@ -194,7 +190,8 @@ fn take_vehicle(file: &Path, bytes: &[u8], options: &ImportOptions, taken: Taken
     Ok(import)
 }
 
-/// Takes the motor that moves where the first one, which was not asked for, stands still; the error `still` where none does.
+/// Takes the only motor that moves where the first one stands still and none was asked for; names those that move where one was, or there
+/// are several; the error `still` where none does.
 fn take_moving_motor(
     file: &Path,
     bytes: &[u8],
@@ -206,18 +203,23 @@ fn take_moving_motor(
         let options = ImportOptions { motor: Some(motor), ..options.clone() };
         take(file, bytes, &options).and_then(|taken| taken.into_import(file, &options))
     };
-    let moving: Vec<usize> = (2..=MOST_MOTORS).filter(|motor| taken(*motor).is_ok()).collect();
-    match moving[..] {
-        [] => Err(still),
-        [motor] => {
+    let asked = options.motor.unwrap_or(1);
+    let moving: Vec<usize> = (1..=MOST_MOTORS).filter(|motor| *motor != asked && taken(*motor).is_ok()).collect();
+    match (&moving[..], options.motor) {
+        ([], _) => Err(still),
+        (&[motor], None) => {
             let mut import = taken(motor)?;
             import.summary.notes.push(format!("motor 1 stands still: taken is motor {motor}, the only one that moves"));
             Ok(import)
         }
-        _ => {
+        (&[motor], Some(_)) => {
+            let problem = format!(": motor {asked} stands still, and motor {motor} moves");
+            Err(ImportError::missing(file, problem, format!("`--motor {motor}` takes the one that moves")))
+        }
+        (&[first, ..], _) => {
             let motors = moving.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-            let problem = format!(": motor 1 stands still, and motors {motors} move");
-            Err(ImportError::missing(file, problem, "say which one to take, as in `--motor 2`"))
+            let problem = format!(": motor {asked} stands still, and motors {motors} move");
+            Err(ImportError::missing(file, problem, format!("say which one to take, as in `--motor {first}`")))
         }
     }
 }

@@ -88,6 +88,7 @@ impl Quantity {
                 "u",
                 "throttle",
                 "throttle command",
+                "throttle duty",
                 "motor command",
                 "duty",
                 "duty cycle",

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::format::LogFormat;
-use super::plain_layout::Beside;
+use super::missing::MissingOption;
+use super::plain::Beside;
+use super::quantity::Quantity;
 use super::table::Table;
+use crate::finding::{Finding, Topic};
 
 /// What was found in a log and what became of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,6 +39,27 @@ pub struct ImportSummary {
     pub is_electrical: bool,
     /// What a reader of the record has to know.
     pub notes: Vec<String>,
+}
+
+impl ImportSummary {
+    /// A finding about the unit of a record's column, with the log's column that it was and how to state another unit of that.
+    #[must_use]
+    pub fn with_source(&self, finding: Finding, column: &str) -> Finding {
+        let is_it = |source: &&ColumnUse| source.taken_as.as_deref() == Some(column);
+        let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.column() == column);
+        let (Some(source), Some(quantity)) = (self.columns.iter().find(is_it), quantity) else { return finding };
+        if finding.topic != Topic::ResponseUnit || !self.format.has_stated_columns {
+            return finding;
+        }
+        let remedy = format!(
+            "it is `{}` of the log, {}. `{}` takes it in another unit: {}",
+            source.name,
+            source.note,
+            MissingOption::column(quantity, &source.name, "UNIT"),
+            quantity.units()
+        );
+        Finding { remedy: Some(remedy), ..finding }
+    }
 }
 
 /// What became of one column.

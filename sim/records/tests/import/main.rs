@@ -10,3 +10,4 @@ mod mat;
 mod odd;
 mod plain;
 mod ulog;
+mod unstated;

@@ -4,10 +4,10 @@
 //! response, and else the one of both that is filled in more rows. Of a stand whose thrust goes through filters, which delay it
 //! more than the speed, it is the speed.
 
-use super::ImportError;
-use super::plain_columns::Pick;
-use super::table::Table;
+use super::columns::Pick;
 use crate::experiment::Output;
+use crate::import::ImportError;
+use crate::import::table::Table;
 
 /// The columns that may be a response, and those beside them.
 pub(super) struct Columns<'a> {

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use csv::StringRecord;
 
-use super::ImportError;
-use super::format::Dialect;
-use super::quantity::{Quantity, Unit};
-use super::table::{Table, without_unit};
+use crate::import::ImportError;
+use crate::import::format::Dialect;
+use crate::import::quantity::{Quantity, Unit};
+use crate::import::table::{Table, without_unit};
 
 /// Separators, the likeliest first: a comma may be a decimal mark, a semicolon may stand in a remark.
 const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
@@ -18,38 +18,38 @@ const REMARK: [&str; 3] = ["#", "%", "//"];
 const LEAST_NUMBERS: usize = 2;
 
 /// A plain table, with what its header says.
-pub(super) struct PlainTable<'a> {
-    pub(super) table: Table<'a>,
+pub(in crate::import) struct PlainTable<'a> {
+    pub(in crate::import) table: Table<'a>,
     /// Units from a line of their own below the names, column by column.
-    pub(super) units: Vec<String>,
+    pub(in crate::import) units: Vec<String>,
     /// What says what a column is where that is not its name, column by column; `None` where nothing does. Empty where the names do.
-    pub(super) labels: Vec<Option<String>>,
+    pub(in crate::import) labels: Vec<Option<String>>,
     /// What the log has beside the columns.
-    pub(super) beside: Vec<Beside>,
+    pub(in crate::import) beside: Vec<Beside>,
     /// What its format says of it.
-    pub(super) dialect: &'static Dialect,
+    pub(in crate::import) dialect: &'static Dialect,
     /// The line of the names, from 1; `None` where there is none, and columns are called `#1`, `#2` and so on.
-    pub(super) header_line: Option<usize>,
+    pub(in crate::import) header_line: Option<usize>,
     /// What a reader of the record has to know.
-    pub(super) notes: Vec<String>,
+    pub(in crate::import) notes: Vec<String>,
     /// How many poles the motor has, as stated.
-    pub(super) motor_poles: Option<u32>,
+    pub(in crate::import) motor_poles: Option<u32>,
 }
 
 /// What a log has that cannot be a column as it is.
-pub(super) struct Beside {
-    pub(super) name: String,
+pub(in crate::import) struct Beside {
+    pub(in crate::import) name: String,
     /// What it is.
-    pub(super) shown: String,
+    pub(in crate::import) shown: String,
     /// What would make a column of it.
-    pub(super) remedy: String,
+    pub(in crate::import) remedy: String,
     /// What it measures by its name.
-    pub(super) quantity: Option<Quantity>,
+    pub(in crate::import) quantity: Option<Quantity>,
 }
 
 impl<'a> PlainTable<'a> {
     /// The columns of that name; where there is none, those whose label it is, or the last part of whose name.
-    pub(super) fn called(&self, name: &str) -> Vec<usize> {
+    pub(in crate::import) fn called(&self, name: &str) -> Vec<usize> {
         let columns = |is: &dyn Fn(usize, &str) -> bool| -> Vec<usize> {
             self.table.header.iter().enumerate().filter(|(at, header)| is(*at, header)).map(|(at, _)| at).collect()
         };
@@ -63,12 +63,12 @@ impl<'a> PlainTable<'a> {
     }
 
     /// What says what a column is.
-    pub(super) fn label(&self, column: usize) -> Option<&str> {
+    pub(in crate::import) fn label(&self, column: usize) -> Option<&str> {
         self.labels.get(column).map_or_else(|| Some(self.table.header[column].as_str()), Option::as_deref)
     }
 
     /// Finds the table in `text`, which is `file`'s.
-    pub(super) fn parse(file: &Path, text: &'a str) -> Result<Self, ImportError> {
+    pub(in crate::import) fn parse(file: &Path, text: &'a str) -> Result<Self, ImportError> {
         let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
         let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();

@@ -5,11 +5,14 @@
 //! where the motor's voltage shows none, an optical one where its mark does not. Without a thrust, a speed that falls while the
 //! command and the other speed rise is not taken.
 
-use super::plain_columns::{Pick, option, other_speed};
-use super::plain_layout::PlainTable;
-use super::quantity::Quantity;
-use super::table::CellFormat;
 use rotorlead_numerics::sample::median;
+
+use super::columns::{Pick, other_speed};
+use super::layout::PlainTable;
+use super::names::is_electrical;
+use super::questions::option;
+use crate::import::quantity::Quantity;
+use crate::import::table::CellFormat;
 
 /// Share of the greatest speed by which two sensors of it may differ. Chosen: what levels of one command scatter by.
 const OTHER_SPEED: f64 = 0.05;
@@ -107,7 +110,8 @@ pub(super) fn differing(plain: &PlainTable<'_>, taken: Pick, beside: Option<Besi
     let [name, other_name] = [taken, other].map(|pick| &plain.table.header[pick.column]);
     let fast = one.iter().zip(&two).filter(|(_, b)| b.abs() > most / 2.0).map(|(a, b)| (a / b).abs());
     let ratio = median(fast.filter(|ratio| ratio.is_finite()));
-    let pairs = ratio.and_then(|ratio| pole_pair_ratio(ratio.min(ratio.recip()))).unwrap_or_default();
+    let is_pairs = [name, other_name].into_iter().any(|name| is_electrical(name));
+    let pairs = ratio.and_then(|ratio| ratio_of_counts(ratio.min(ratio.recip()), is_pairs)).unwrap_or_default();
     let is_lost = beside.is_some_and(|beside| is_lost(plain, other.column, taken.column, beside));
     let why = if is_lost {
         format!("; taken is `{name}`, which the thrust and the command agree with over all levels")
@@ -124,15 +128,18 @@ pub(super) fn differing(plain: &PlainTable<'_>, taken: Pick, beside: Option<Besi
     })
 }
 
-/// What is to be said of a ratio of two speeds, below one, that is one of pole pairs.
-fn pole_pair_ratio(ratio: f64) -> Option<String> {
+/// What is to be said of a ratio of two speeds, below one, that is one of small whole numbers: pairs of poles, or what an optical sensor
+/// counts in a turn.
+fn ratio_of_counts(ratio: f64, is_electrical: bool) -> Option<String> {
     let pairs = (1..=MOST_PAIRS).flat_map(|counted| (1..=MOST_PAIRS).map(move |set| (counted, set)));
     let is_it = |(counted, set): &(u32, u32)| {
         counted != set && (f64::from(*counted) / f64::from(*set) - ratio).abs() < SAME_RATIO
     };
     // The simplest.
     let (counted, set) = pairs.filter(is_it).min_by_key(|(counted, set)| counted + set)?;
-    Some(format!(". The lower one is {ratio:.3} = {counted}/{set} of the other: check the pole count"))
+    let check =
+        if is_electrical { "the pole count" } else { "the number of poles, marks or blades that each was set to" };
+    Some(format!(". The lower one is {ratio:.3} = {counted}/{set} of the other: check {check}"))
 }
 
 #[cfg(test)]
@@ -142,11 +149,11 @@ mod tests {
     #[test]
     fn ratios_of_pole_pairs_are_the_simplest_ones() {
         for (ratio, expected) in [(0.857, Some("6/7")), (0.5, Some("1/2")), (0.9165, Some("11/12"))] {
-            let found = pole_pair_ratio(ratio);
+            let found = ratio_of_counts(ratio, true);
             assert_eq!(found.is_some(), expected.is_some());
             assert!(found.unwrap().contains(expected.unwrap()), "{ratio}");
         }
-        assert_eq!(pole_pair_ratio(1.0), None);
-        assert_eq!(pole_pair_ratio(0.97), None);
+        assert_eq!(ratio_of_counts(1.0, true), None);
+        assert_eq!(ratio_of_counts(0.97, true), None);
     }
 }

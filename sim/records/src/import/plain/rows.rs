@@ -1,224 +1,50 @@
-//! Tables: any logger's rows of numbers, with or without lines above them, separated by commas, semicolons or tabs.
+//! The rows of a table that are taken: their numbers become those of a record.
 //!
-//! `plain_layout` finds the table, `plain_columns` says which column is what, `plain_response` which of thrust and speed is the
-//! response. Stamps are kept as they are, from the first row taken; a row with the stamp of the row before it is left out.
-
-use std::mem::take;
+//! Stamps are kept as they are, from the first row taken; a row with the stamp of the row before it is left out.
 
 use rotorlead_numerics::sample::median;
 
-use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
-use super::glitches::{MOST_GLITCHES, MOST_RPM};
-use super::plain_columns::{Pick, Picks, is_electrical, listed, of_other_motors, option};
-use super::plain_layout::PlainTable;
-use super::plain_response::{Columns, Decision};
-use super::quantity::{DSHOT, ELECTRICAL, Quantity, Scale, Unit};
-use super::rcbenchmark::MAX_OVERTAKING_S;
-use super::stamps::{spread_bursts, typical_and_longest};
-use super::summary::ColumnList;
-use super::table::Table;
-use super::{
-    DroppedRows, ImportError, ImportOptions, ImportSummary, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing, flight,
-    plain_speeds,
-};
-use crate::experiment::{Excitation, Output, Setpoints};
+use super::columns::{Pick, of_other_motors};
+use super::layout::PlainTable;
+use crate::experiment::{Excitation, Output};
+use crate::import::quantity::{DSHOT, Quantity, Scale};
+use crate::import::rcbenchmark::MAX_OVERTAKING_S;
+use crate::import::stamps::spread_bursts;
+use crate::import::table::Table;
+use crate::import::{DroppedRows, ImportError, ImportOptions, MIN_STEADY_POINTS, flight};
 
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
-/// Share of thrust readings below zero from which on the sign is mentioned.
-const MOSTLY: f64 = 0.5;
 /// Rows further apart than this are slower than the lag of any motor of a multicopter, seconds.
 const SLOWER_THAN_A_LAG_S: f64 = 0.5;
 /// A logger's rows are more than a table of steady points has.
 const MOST_STEADY_POINTS: usize = 1000;
 /// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
 const NEARLY_ALL: f64 = 0.9;
-/// No such rotor pulls more, newtons.
-const MOST_N: f64 = 10_000.0;
-
-pub(super) fn take_table(
-    mut plain: PlainTable<'_>,
-    options: &ImportOptions,
-    format: &'static LogFormat,
-) -> Result<Taken, ImportError> {
-    let is_stand = plain.dialect.is_stand;
-    let mut notes = take(&mut plain.notes);
-    let mut list = ColumnList::new(&plain.table, &plain.beside);
-    let picks = Picks::choose(&plain, options, &mut list)?;
-    let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
-    plain.table.check_lengths(&picks.compared())?;
-    notes.extend(plain.table.infer_comma(&places)?.map(String::from));
-    let table = &plain.table;
-
-    let read: Vec<_> = picks.all().map(|pick| (pick.column, pick.reading())).collect();
-    let mut numbers = table.numbers(&read)?.into_iter();
-    let mut values = |pick: Option<Pick>| pick.and_then(|_| numbers.next());
-    let mut rows = Rows {
-        table,
-        places: Vec::new(),
-        time: values(picks.time).unwrap_or_default(),
-        command: values(picks.command).unwrap_or_default(),
-        own_command: Vec::new(),
-        thrust: values(picks.thrust),
-        speed: values(picks.speed),
-        voltage: values(picks.voltage),
-        current: values(picks.current),
-        dropped: Vec::new(),
-        reordered: 0,
-    };
-    let rows_read = rows.time.len().max(rows.command.len());
-    rows.places = (0..rows_read).collect();
-    notes.extend(rows.hold_interleaved(options.output));
-    if table.has_samples() {
-        rows.leave_out_no_numbers();
-    }
-    let mut command_note = String::new();
-    if let Some(command) = picks.command {
-        rows.cut_to_the_command(command)?;
-        command_note = rows.normalize_command(command, options, &mut notes)?;
-    }
-    for (pick, values) in [
-        (picks.thrust, &mut rows.thrust),
-        (picks.speed, &mut rows.speed),
-        (picks.voltage, &mut rows.voltage),
-        (picks.current, &mut rows.current),
-    ] {
-        convert(table, &rows.places, pick, values)?;
-    }
-
-    let is_steady = rows.find_times(picks.time, is_stand, options, &mut notes)?;
-    if let (true, Some(motor), Some(command)) = (plain.dialect.may_be_flight, picks.motor, picks.command) {
-        rows.refuse_flight(&plain, motor, command, options)?;
-    }
-    let listed = listed(&plain);
-    let columns = Columns {
-        table,
-        listed: &listed,
-        places: &rows.places,
-        thrust: picks.thrust.zip(rows.thrust.as_deref()),
-        speed: picks.speed.zip(rows.speed.as_deref()),
-        others: [(picks.voltage, &rows.voltage), (picks.current, &rows.current)]
-            .into_iter()
-            .filter_map(|(pick, values)| pick.zip(values.as_deref()))
-            .collect(),
-    };
-    let Decision { output, note, needed } = columns.decide(options.output, is_stand)?;
-    notes.extend(note);
-    rows.leave_out_blanks(&needed);
-    rows.leave_out_repeated();
-    let count = rows.time.len();
-    let least = if is_steady { MIN_STEADY_POINTS } else { MIN_ROWS };
-    if count < least {
-        return Err(ImportError::TooFewRows { file: table.file.clone(), rows: count, needed: least });
-    }
-
-    if let Some(time) = picks.time {
-        list.taken(time.column, Quantity::Time.column(), format!("{}, from the first row taken", time.unit.name));
-    }
-    if let Some(command) = picks.command {
-        list.taken(command.column, Quantity::Command.column(), command_note);
-    }
-    let span = rows.time.last().copied().unwrap_or(0.0);
-    let mut complete = |pick: Option<Pick>, values: &mut Option<Vec<f64>>| {
-        let (Some(pick), Some(found)) = (pick, values.as_ref()) else { return None };
-        let filled = found.iter().filter(|value| !value.is_nan()).count();
-        let is_idle = pick.unit.quantity == Quantity::Speed
-            && output == Output::ThrustN
-            && !pick.is_stated
-            && found.iter().all(|value| *value == 0.0);
-        if filled == count && !is_idle {
-            list.taken(pick.column, pick.unit.quantity.column(), conversion(pick));
-            return values.take();
-        }
-        let mut why = format!("filled in {filled} of {count} rows ({:.1} Hz)", filled as f64 / span);
-        if is_idle {
-            why = String::from("zero in every row");
-        } else if matches!(pick.unit.quantity, Quantity::Thrust | Quantity::Speed) {
-            why += match 2 * filled > count {
-                true => format!(": `--response {}` takes it and leaves out the other rows", pick.unit.quantity.name()),
-                false => String::from(": too slow to show the lag"),
-            }
-            .as_str();
-        }
-        list.left(pick.column, why);
-        None
-    };
-    let sample_rate_hz = options.rate_hz.filter(|_| picks.time.is_none() && is_whole(&rows.places));
-    let thrust_n = complete(picks.thrust, &mut rows.thrust);
-    let rpm = complete(picks.speed, &mut rows.speed);
-    let voltage_v = complete(picks.voltage, &mut rows.voltage);
-    let current_a = complete(picks.current, &mut rows.current);
-    if let (Some(pick), Some(thrust_n)) = (picks.thrust, &thrust_n) {
-        notes.extend(reversed(table, pick, thrust_n));
-    }
-    if let (Some(pick), true) = (picks.speed, rpm.is_some()) {
-        let name = &table.header[pick.column];
-        let is_electrical = is_electrical(name);
-        if is_electrical {
-            notes.push(format!(
-                "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
-                 software"
-            ));
-        }
-        let beside = picks.command.map(|command| plain_speeds::Beside { command, thrust: picks.thrust });
-        notes.extend(
-            (is_electrical || picks.is_another_speed_lost)
-                .then(|| plain_speeds::differing(&plain, pick, beside))
-                .flatten(),
-        );
-    }
-    Ok(Taken {
-        summary: ImportSummary {
-            file: table.file.clone(),
-            format,
-            rows_read,
-            rows_taken: count,
-            columns: list.into_vec(),
-            dropped: rows.dropped,
-            timing: timing(&rows.time, rows.reordered),
-            pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
-            has_motors: picks.motor.is_some(),
-            is_electrical: picks.speed.is_some_and(|speed| speed.unit.name.starts_with(ELECTRICAL)),
-            notes,
-        },
-        usual: if is_steady { Some(Excitation::Steady) } else { plain.dialect.usual },
-        output,
-        time_s: rows.time,
-        command: rows.command,
-        own_command: rows.own_command.iter().map(|own| (own.time, own.command)).collect(),
-        thrust_n,
-        rpm,
-        voltage_v,
-        current_a,
-        setpoints: Setpoints::default(),
-        loop_rate_hz: None,
-        sample_rate_hz,
-    })
-}
 
 /// The numbers of the rows that are still to be taken, NaN where there are none.
-struct Rows<'a> {
-    table: &'a Table<'a>,
+pub(super) struct Rows<'a> {
+    pub(super) table: &'a Table<'a>,
     /// Which row of the table each of them is.
-    places: Vec<usize>,
-    time: Vec<f64>,
-    command: Vec<f64>,
+    pub(super) places: Vec<usize>,
+    pub(super) time: Vec<f64>,
+    pub(super) command: Vec<f64>,
     /// The rows with a command, where the response is in others.
-    own_command: Vec<OwnCommand>,
-    thrust: Option<Vec<f64>>,
-    speed: Option<Vec<f64>>,
-    voltage: Option<Vec<f64>>,
-    current: Option<Vec<f64>>,
-    dropped: Vec<DroppedRows>,
-    reordered: usize,
+    pub(super) own_command: Vec<OwnCommand>,
+    pub(super) thrust: Option<Vec<f64>>,
+    pub(super) speed: Option<Vec<f64>>,
+    pub(super) voltage: Option<Vec<f64>>,
+    pub(super) current: Option<Vec<f64>>,
+    pub(super) dropped: Vec<DroppedRows>,
+    pub(super) reordered: usize,
 }
 
 /// A command on a row of its own.
-struct OwnCommand {
+pub(super) struct OwnCommand {
     /// Which row of the table.
-    place: usize,
-    time: f64,
-    command: f64,
+    pub(super) place: usize,
+    pub(super) time: f64,
+    pub(super) command: f64,
 }
 
 impl Rows<'_> {
@@ -242,7 +68,7 @@ impl Rows<'_> {
 
     /// Where each row is a message of one series, so that most readings of the response have no command beside them, the other series
     /// hold until their next row, and the rows of the response stay. Says so.
-    fn hold_interleaved(&mut self, stated: Option<Output>) -> Option<String> {
+    pub(super) fn hold_interleaved(&mut self, stated: Option<Output>) -> Option<String> {
         let filled = |values: &Option<Vec<f64>>| values.iter().flatten().filter(|value| !value.is_nan()).count();
         let response = match stated {
             Some(Output::ThrustN) => &self.thrust,
@@ -277,7 +103,7 @@ impl Rows<'_> {
     }
 
     /// Leaves out the rows whose time or command is none, which a program that writes numbers put there on purpose.
-    fn leave_out_no_numbers(&mut self) {
+    pub(super) fn leave_out_no_numbers(&mut self) {
         let is_number = |values: &[f64], row: usize| values.get(row).is_none_or(|value| !value.is_nan());
         let keep = (0..self.places.len()).map(|row| is_number(&self.time, row) && is_number(&self.command, row));
         let keep: Vec<bool> = keep.collect();
@@ -285,7 +111,7 @@ impl Rows<'_> {
     }
 
     /// Keeps the rows from the first to the last that has a command; one without between them is an error.
-    fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
+    pub(super) fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
         let has = |value: &f64| !value.is_nan();
         let Some(first) = self.command.iter().position(has) else {
             return Err(ImportError::missing(
@@ -316,7 +142,7 @@ impl Rows<'_> {
     }
 
     /// Puts the command on 0..1 and says how.
-    fn normalize_command(
+    pub(super) fn normalize_command(
         &mut self,
         pick: Pick,
         options: &ImportOptions,
@@ -333,14 +159,7 @@ impl Rows<'_> {
             return Err(ImportError::out_of_range(&self.table.file, line, column, value, (low, high)));
         }
         let name = &self.table.header[pick.column];
-        notes.extend(pick.guessed_because.map(|because| {
-            format!(
-                "the unit of `{name}` is guessed to be {}: its numbers {because}. `{}` states another unit: {}",
-                pick.unit.name,
-                option(Quantity::Command, name, "UNIT"),
-                Quantity::Command.units()
-            )
-        }));
+        notes.extend(pick.guess(name));
         let guessed = if pick.guessed_because.is_some() { "; guessed" } else { "" };
         if pick.unit.scale != Scale::Dshot {
             self.commands().for_each(|value| *value = (*value - low) / (high - low));
@@ -364,7 +183,7 @@ impl Rows<'_> {
     }
 
     /// Refuses a log in which other motors have commands of their own.
-    fn refuse_flight(
+    pub(super) fn refuse_flight(
         &self,
         plain: &PlainTable<'_>,
         motor: usize,
@@ -383,7 +202,7 @@ impl Rows<'_> {
 
     /// Makes seconds from the first row of the stamps, in their order, and finds out whether each row is a steady point, whose
     /// stamps may be anything.
-    fn find_times(
+    pub(super) fn find_times(
         &mut self,
         pick: Option<Pick>,
         is_stand: bool,
@@ -405,6 +224,7 @@ impl Rows<'_> {
         if let Some(at) = self.time.iter().position(|stamp| stamp.is_nan()) {
             return Err(self.table.blank(self.places[at], pick.column));
         }
+        notes.extend(pick.guess(&self.table.header[pick.column]));
         if pick.unit.scale == Scale::Clock {
             go_on_behind_midnight(self.time.iter_mut());
             go_on_behind_midnight(self.own_command.iter_mut().map(|own| &mut own.time));
@@ -483,7 +303,7 @@ impl Rows<'_> {
     }
 
     /// Leaves out the rows that are blank in one of the columns that are needed.
-    fn leave_out_blanks(&mut self, needed: &[Pick]) {
+    pub(super) fn leave_out_blanks(&mut self, needed: &[Pick]) {
         for pick in needed {
             let values = match pick.unit.quantity {
                 Quantity::Thrust => &self.thrust,
@@ -500,7 +320,7 @@ impl Rows<'_> {
         }
     }
 
-    fn leave_out_repeated(&mut self) {
+    pub(super) fn leave_out_repeated(&mut self) {
         let differs = |row: usize| row == 0 || self.time[row] > self.time[row - 1];
         let keep: Vec<bool> = (0..self.time.len()).map(differs).collect();
         self.retain(&keep, "same time stamp as the row before");
@@ -536,7 +356,7 @@ fn command_range(pick: Pick, options: &ImportOptions) -> Option<(f64, f64)> {
 }
 
 /// Whether rows follow each other in the table.
-fn is_whole(places: &[usize]) -> bool {
+pub(super) fn is_whole(places: &[usize]) -> bool {
     places.windows(2).all(|pair| pair[1] == pair[0] + 1)
 }
 
@@ -556,96 +376,3 @@ fn go_on_behind_midnight<'a>(stamps: impl Iterator<Item = &'a mut f64>) {
         before = *stamp;
     }
 }
-
-fn timing(time_s: &[f64], reordered: usize) -> Timing {
-    let (typical, longest) = typical_and_longest(time_s);
-    let span = time_s.last().copied().unwrap_or(0.0);
-    let sorted = if reordered > 0 { ", sorted" } else { "" };
-    Timing {
-        method: format!(
-            "stamps of the log{sorted}; intervals of {:.3} ms (median) to {:.3} ms (longest)",
-            typical * 1e3,
-            longest * 1e3
-        ),
-        rate_hz: (time_s.len() - 1) as f64 / span,
-        rows_reordered: reordered,
-        rows_missing: 0,
-        residual_rms_s: None,
-        residual_max_s: None,
-    }
-}
-
-/// Puts the numbers of a column in the unit of a record, where they are within what can be. `places` are their rows of the table.
-fn convert(
-    table: &Table<'_>,
-    places: &[usize],
-    pick: Option<Pick>,
-    values: &mut Option<Vec<f64>>,
-) -> Result<(), ImportError> {
-    let (Some(pick), Some(values)) = (pick, values) else { return Ok(()) };
-    let (most, unit) = match pick.unit.quantity {
-        Quantity::Thrust => (MOST_N, "N"),
-        Quantity::Speed => (MOST_RPM, "rpm"),
-        _ => (f64::MAX, ""),
-    };
-    let is_too_much = |value: &f64| pick.converted(*value).abs() > most;
-    let too_much = values.iter().filter(|value| is_too_much(value)).count();
-    // A few are left out with the rest of what no rotor does.
-    let are_glitches = pick.unit.quantity == Quantity::Speed && too_much as f64 <= MOST_GLITCHES * values.len() as f64;
-    for (row, value) in values.iter_mut().enumerate() {
-        let found = pick.converted(*value);
-        if found.abs() > most && !are_glitches {
-            let name = &table.header[pick.column];
-            let line = table.line(places[row]);
-            let text = table.at(places[row], |row| row.text(pick.column).to_owned()).unwrap_or_default();
-            return Err(ImportError::cell(
-                &table.file,
-                line,
-                name,
-                format!("`{text}` in {} is more than {most} {unit}, which cannot be", pick.unit.name),
-                format!(
-                    "where its unit is another, state it with `{}`; where the value is a glitch, delete the row",
-                    option(pick.unit.quantity, name, "UNIT")
-                ),
-            ));
-        }
-        *value = found;
-    }
-    Ok(())
-}
-
-/// What [`Pick::converted`] does, in words.
-fn conversion(pick: Pick) -> String {
-    let Unit { name, scale, .. } = pick.unit;
-    let factor = match scale {
-        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock | Scale::Electrical(_) => String::new(),
-        Scale::Ratio(times, 1.0) => format!(", times {times}"),
-        Scale::Ratio(times, over) => format!(", times {}", times / over),
-    };
-    format!("in {name}{factor}{}", if pick.is_reversed { ", sign turned" } else { "" })
-}
-
-/// What is to be said of a thrust that pulls where it should push.
-fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
-    let below = thrust_n.iter().filter(|thrust| **thrust < 0.0).count();
-    let other_sign = if pick.is_reversed { "" } else { "-" };
-    (below as f64 > MOSTLY * thrust_n.len() as f64).then(|| {
-        format!(
-            "thrust is below zero in {below} of {} rows; where the sensor reads the other way round, turn its sign by \
-             `{}`",
-            thrust_n.len(),
-            option(Quantity::Thrust, &table.header[pick.column], &format!("{other_sign}{}", pick.unit.name))
-        )
-    })
-}
-
-/// The format.
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "plain",
-    title: "tables of numbers as text, with commas, semicolons, tabs or blanks between the columns",
-    has_motors: true,
-    has_several_logs: false,
-    has_stated_columns: true,
-    memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Table { is_header: |_| true, dialect: &Dialect::PLAIN },
-};
