@@ -120,7 +120,8 @@ fn a_sensor_that_repeats_its_readings_is_told() {
 
 #[test]
 fn a_thrust_in_grams_or_kilograms_is_told() {
-    for (scale, unit, remedy) in [(1e3 / 9.80665, "grams-force", "0.00980665"), (1.0 / 9.80665, "kilograms", "9.80665")]
+    for (scale, unit, remedy) in
+        [(1e3 / 9.80665, "grams-force", "0.00980665"), (1.0 / 9.80665, "kilograms-force", "9.80665")]
     {
         let stand = good();
         change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, u, y * scale]));
@@ -139,7 +140,7 @@ fn a_reversed_sign_is_told_of_fitted_and_of_validation_records() {
 
 #[test]
 fn a_report_on_records_with_a_wrong_unit_or_sign_begins_with_that_and_designs_nothing() {
-    for (scale, said) in [(1e3 / 9.80665, "grams-force"), (-1.0, "falls where the command rises")] {
+    for (scale, said) in [(1e3 / 9.80665, "another unit than newtons"), (-1.0, "falls where the command rises")] {
         let stand = good();
         change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, u, y * scale]));
         let json = stand.json("report good --no-diagnosis --out report.html");

@@ -351,3 +351,16 @@ fn a_flight_is_refused_and_taken_as_free_alone() {
     stand.run(&format!("import {LOGS}/blackbox.bbl --excitation free --out flight"));
     stand.refuses("identify flight --out model.toml", 1, &["free"]);
 }
+
+#[test]
+fn a_header_that_states_a_wrong_unit_is_named_with_the_option_that_states_another() {
+    let stand = session();
+    let newtons = fs::read_to_string(stand.path("sim/u050_multisine.csv")).unwrap();
+    stand.write("n.csv", newtons.replacen("thrust_n", "thrust_gf", 1).replacen("command", "duty (0..1)", 1));
+    let text = stand.run("import n.csv --excitation multisine --period 10 --out grams");
+    for part in ["seems to be in another unit than newtons", "it is `thrust_gf` of the log, in gf", "--column"] {
+        assert!(text.contains(part), "no `{part}` in\n{text}");
+    }
+    let text = stand.run("import n.csv --excitation multisine --period 10 --column thrust=thrust_gf:N --out newtons");
+    assert!(!text.contains("another unit"), "{text}");
+}

@@ -97,7 +97,9 @@ impl Evidence {
     fn explains(&self) -> bool {
         let Gap { before, after, noise_floor } = self.gap.squared();
         let outweighs_bursts = || before - after > self.steadiness.spread.min(1.0) * noise_floor;
-        self.residual_share() < self.most_left() && (self.steadiness.is_noise() || outweighs_bursts())
+        !self.gap.is_wider()
+            && self.residual_share() < self.most_left()
+            && (self.steadiness.is_noise() || outweighs_bursts())
     }
 
     /// The share of the gap that an explanation may leave.
@@ -114,10 +116,10 @@ impl Evidence {
         let (residual_share, most) = (self.residual_share(), self.most_left());
         if !self.is_timely {
             "explanation: the delay is not the same at every step".to_owned()
+        } else if self.gap.is_wider() || residual_share >= 1.0 {
+            "explanation: leaves no less of the gap than there was".to_owned()
         } else if residual_share < most {
             "explanation: takes away no more than bursts of noise may be off by".to_owned()
-        } else if residual_share >= 1.0 {
-            "explanation: leaves no less of the gap than there was".to_owned()
         } else {
             let parts =
                 if self.residual_of_logs.is_some() { ", of its levels or its motion where that is less" } else { "" };
@@ -144,6 +146,12 @@ impl Evidence {
 }
 
 impl Gap {
+    /// Whether what came after is further off than what was before, by more than the noise may be.
+    pub(crate) fn is_wider(self) -> bool {
+        let Self { before, after, noise_floor } = self.squared();
+        after > before + (WIDE * WIDE - 1.0) * noise_floor
+    }
+
     fn squared(self) -> Self {
         let Self { before, after, noise_floor } = self;
         Self { before: before * before, after: after * after, noise_floor: noise_floor * noise_floor }
@@ -189,6 +197,11 @@ mod tests {
         assert_eq!(gap(0.15).verdict(), Verdict::Named);
         assert_eq!(gap(0.28).verdict(), Verdict::Unknown);
         assert_eq!(gap(0.4).verdict(), Verdict::Unknown);
+        // Nor where the lags are so uncertain that they alone might account for it.
+        let wider = Evidence { unsure: 1.0, ..gap(0.32) };
+        assert_eq!(wider.verdict(), Verdict::Unknown);
+        assert!(wider.why_unknown().contains("no less of the gap"), "{}", wider.why_unknown());
+        assert_eq!(Evidence { unsure: 1.0, ..gap(0.28) }.verdict(), Verdict::Named);
     }
 
     #[test]

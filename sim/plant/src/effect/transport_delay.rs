@@ -16,7 +16,7 @@ pub static KIND: Kind = Kind {
     equation: "v(t) = u(t - delay_s); e^(-s delay_s)",
     parameters: &[Parameter::fitted("delay_s", "s", "how much later the command arrives")
         .possible(0.0, 2.0)
-        .log(2e-5, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.025])
+        .log(2e-5, 0.15, &[3e-4, 1e-3, 3e-3, 0.01, 0.025, 0.08])
         .smooth()],
     signature: "The magnitude is untouched at every frequency; the phase lags in proportion to the frequency, the same at every \
                 nominal command and amplitude. Steps begin late.",
@@ -42,7 +42,7 @@ pub static KIND: Kind = Kind {
              `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol",
     sources: &[
         "Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, sec. 5.6: pure time delay",
-        "a digital command takes 0.03 ms; loggers that stamp on arrival add 5 to 25 ms",
+        "a digital command takes 0.03 ms; loggers that stamp on arrival add 5 to 25 ms, and one that stalls at each command 90 ms",
     ],
     linearity: Linearity::Exact,
     shows: Shows::Anywhere,
