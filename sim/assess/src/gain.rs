@@ -21,8 +21,10 @@ pub fn lost(model: &Model) -> Option<String> {
         .collect();
     let longest = lost.iter().max_by(|a, b| a.dead_time_s().total_cmp(&b.dead_time_s()))?;
     Some(format!(
-        "a dead time of {:.1} ms takes what a lead gains at {} of {} points from any loop around it: {}",
+        "a dead time of {:.1} ms, {:.1} of which are the compensator's pulses, takes what a lead gains at {} of {} points from any loop \
+         around it: {}",
         1e3 * longest.dead_time_s(),
+        1e3 * (longest.dead_time_s() - longest.model_dead_time_s),
         lost.len(),
         points.len(),
         dead_time_remedy(longest)

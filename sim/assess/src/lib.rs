@@ -22,7 +22,7 @@ use rotorlead_identify::check::{Findings, check_rate, check_record};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::validate::{RecordValidation, validate};
 use rotorlead_plant::{Catalog, Judgement, Model, Readiness};
-use rotorlead_records::{Experiment, Topic};
+use rotorlead_records::{Excitation, Experiment, Record, Topic};
 use rotorlead_vehicle::{Asked, Recommendation, recommend};
 
 /// What a lag may miss of a response, percent, and still be one to design with. Chosen: a step of 5 % is about the smallest that a
@@ -100,7 +100,7 @@ pub fn assess(experiment: &Experiment, model: &Model, known: AssessmentContext) 
         Ok(records) => claims.add_residual(experiment, model, records, known.diagnosis),
         Err(error) => claims.add(Readiness::MeasureAgain, format!("the model was compared with no record: {error}")),
     }
-    claims.add_points(model);
+    claims.add_points(experiment, model);
     let other_output = records.is_ok().then(|| OtherOutput::from_experiment(experiment, model)).flatten();
     for limit in gain::lost(model).into_iter().chain(other_output.as_ref().and_then(OtherOutput::limit)) {
         claims.add(Readiness::ReadyWithinLimits, limit);
@@ -142,8 +142,8 @@ impl Objections {
             ),
             None => self.add(
                 Readiness::MeasureAgain,
-                "no record shows its noise, so that nothing is known of what the lag leaves: hold levels for a second, or record \
-                 more periods"
+                "no record shows its noise, so that nothing is known of what the lag leaves: hold each level for 14 time constants and \
+                 32 rows at the least, log the response in finer steps where it stands still there, or record more periods"
                     .to_owned(),
             ),
             Some(wrong) => {
@@ -217,7 +217,7 @@ impl Objections {
     }
 
     /// Of the operating points.
-    fn add_points(&mut self, model: &Model) {
+    fn add_points(&mut self, experiment: &Experiment, model: &Model) {
         if let [point] = &model.points[..] {
             let reason = format!("the lag is known at u_nom {} alone: record at a second level", point.nominal);
             self.add(Readiness::MeasureAgain, reason);
@@ -225,8 +225,13 @@ impl Objections {
         let part = |point: &rotorlead_plant::Point| point.time_constant_s_std.unwrap_or(0.0) / point.time_constant_s;
         let worst = model.points.iter().max_by(|a, b| part(a).total_cmp(&part(b)));
         if let Some(point) = worst.filter(|point| part(point) > LARGEST_STD) {
+            let is_steps = |record: &Record| matches!(record.excitation, Excitation::Staircase | Excitation::Step);
+            let remedy = match experiment.records.iter().all(is_steps) {
+                true => "record more steps to it, both from below and from above",
+                false => "record it longer, or with a larger amplitude",
+            };
             let reason = format!(
-                "the time constant at u_nom {:.3} is known to {:.0} % only: record it longer, or with a larger amplitude",
+                "the time constant at u_nom {:.3} is known to {:.0} % only: {remedy}",
                 point.nominal,
                 100.0 * part(point)
             );

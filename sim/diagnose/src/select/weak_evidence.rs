@@ -39,8 +39,8 @@ impl fmt::Display for WeakEvidence {
         let Self { kind, evidence } = self;
         write!(
             f,
-            "Weak evidence for {} ({}): log-likelihood {evidence:+.1} beyond its complexity penalty, where {} is needed; \
-             not added.",
+            "Weak evidence for {} ({}): log-likelihood {evidence:+.1} beyond its complexity penalty, of which the choice among all kinds \
+             leaves less than the {} that are needed; not added.",
             kind.id, kind.title, POLICY.least_score
         )
     }

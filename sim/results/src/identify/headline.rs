@@ -52,9 +52,11 @@ fn points_headline(points: &[Point]) -> String {
     let tau = |point: &Point| Estimate::normal(point.time_constant_s, point.time_constant_s_std.unwrap_or(f64::NAN));
     let (low, high) = extent(&points.iter().map(|point| point.nominal).collect::<Vec<f64>>());
     let delays: Vec<f64> = points.iter().map(|point| point.delay_s).collect();
+    let in_ms = |delay_s: f64| format!("{:.1} ms", 1e3 * delay_s);
     let delay = match extent(&delays) {
-        (_, longest) if longest > 0.0 => {
-            format!("dead time {}{:.1} ms", if points.len() > 1 { "up to " } else { "" }, 1e3 * longest)
+        (shortest, longest) if longest > 0.0 => {
+            let up_to = if in_ms(shortest) == in_ms(longest) { "" } else { "up to " };
+            format!("dead time {up_to}{}", in_ms(longest))
         }
         _ => "no dead time".to_owned(),
     };
