@@ -97,7 +97,7 @@ impl PointResponse {
         let open: Vec<Complex64> = forward.iter().zip(&self.gyro).map(|(f, gyro)| f * gyro).collect();
         let noise = controller.iter().zip(&self.gyro).zip(&self.to_command);
         let noise = noise.map(|((c, gyro), to_command)| (c * gyro).norm() * to_command).collect();
-        UnitLoop { point: self, phase: unwrapped(&open), forward, open, noise }
+        UnitLoop { point: self, open: OpenLoop::new(open), forward, noise }
     }
 
     /// The margins of the rate loop with `gains`.
@@ -113,10 +113,8 @@ pub struct UnitLoop<'a> {
     point: &'a PointResponse,
     /// Controller and plant.
     forward: Vec<Complex64>,
-    /// The open loop, gyro included.
-    open: Vec<Complex64>,
-    /// Its phase, continuous, radians.
-    phase: Vec<f64>,
+    /// Gyro included.
+    open: OpenLoop,
     /// Magnitude from the gyro's noise to the ESC's command with the loop open.
     noise: Vec<f64>,
 }
@@ -127,10 +125,10 @@ impl UnitLoop<'_> {
     pub fn margins(&self, p_1_s: f64) -> Margins {
         let omega = &self.point.omega_rad_s;
         let closed: Vec<Complex64> =
-            self.forward.iter().zip(&self.open).map(|(f, open)| p_1_s * f / (1.0 + p_1_s * open)).collect();
+            self.forward.iter().zip(&self.open.response).map(|(f, open)| p_1_s * f / (1.0 + p_1_s * open)).collect();
         Margins {
-            max_sensitivity: max_sensitivity(&self.open, &self.phase, p_1_s),
-            phase_margin_deg: phase_margin_deg(&self.open, &self.phase, p_1_s),
+            max_sensitivity: self.open.max_sensitivity(p_1_s),
+            phase_margin_deg: self.open.phase_margin_deg(p_1_s),
             actuator_noise: self.actuator_noise(p_1_s),
             bandwidth_rad_s: bandwidth_rad_s(omega, &closed),
         }
@@ -139,25 +137,28 @@ impl UnitLoop<'_> {
     /// Whether the loop keeps a largest sensitivity, a phase margin and a limit of the noise. The cheapest test comes first.
     #[must_use]
     pub fn keeps(&self, p_1_s: f64, max_sensitivity_is: f64, phase_margin_is_deg: f64, noise_is: f64) -> bool {
-        phase_margin_deg(&self.open, &self.phase, p_1_s) >= phase_margin_is_deg
-            && max_sensitivity(&self.open, &self.phase, p_1_s) <= max_sensitivity_is
+        self.open.is_stable_from_below(p_1_s)
+            && self.open.phase_margin_deg(p_1_s) >= phase_margin_is_deg
+            && self.open.max_sensitivity(p_1_s) <= max_sensitivity_is
             && self.actuator_noise(p_1_s) <= noise_is
     }
 
     /// Largest sensitivity of the attitude loop around this one, with the attitude gain `attitude_1_s`.
     #[must_use]
     pub fn attitude_sensitivity(&self, p_1_s: f64, attitude_1_s: f64) -> f64 {
-        let all = self.forward.iter().zip(&self.open).zip(&self.point.omega_rad_s);
+        let all = self.forward.iter().zip(&self.open.response).zip(&self.point.omega_rad_s);
         let open: Vec<Complex64> =
             all.map(|((f, open), &omega)| p_1_s * f / (1.0 + p_1_s * open) / Complex64::new(0.0, omega)).collect();
-        max_sensitivity(&open, &unwrapped(&open), attitude_1_s)
+        OpenLoop::new(open).max_sensitivity(attitude_1_s)
     }
 
     fn actuator_noise(&self, p_1_s: f64) -> f64 {
-        let density = |index: usize| (p_1_s * self.noise[index] / (1.0 + p_1_s * self.open[index]).norm()).powi(2);
+        let density = self.noise.iter().zip(&self.open.response);
+        let density: Vec<f64> =
+            density.map(|(noise, open)| (p_1_s * noise).powi(2) / (1.0 + p_1_s * open).norm_sqr()).collect();
         let omega = &self.point.omega_rad_s;
-        let pieces = (1..omega.len())
-            .map(|index| 0.5 * (density(index - 1) + density(index)) * (omega[index] - omega[index - 1]));
+        let pieces = omega.windows(2).zip(density.windows(2));
+        let pieces = pieces.map(|(omega, density)| 0.5 * (density[0] + density[1]) * (omega[1] - omega[0]));
         self.point.noise_density * (pieces.sum::<f64>() / (2.0 * PI)).sqrt()
     }
 }
@@ -178,33 +179,54 @@ fn unwrapped(response: &[Complex64]) -> Vec<f64> {
     phases.collect()
 }
 
-/// `max |1 / (1 + gain L)|`. Infinite unless the phase stays above -180 degrees wherever the loop amplifies: such a loop is stable
-/// at every lower gain too, which one needs whose motors saturate.
-fn max_sensitivity(open: &[Complex64], phase: &[f64], gain: f64) -> f64 {
-    let mut most: f64 = 0.0;
-    for (open, phase) in open.iter().zip(phase) {
-        let scaled = gain * open;
-        if *phase <= -PI && scaled.norm_sqr() >= 1.0 {
-            return f64::INFINITY;
-        }
-        most = most.max(1.0 / (1.0 + scaled).norm_sqr());
-    }
-    most.sqrt()
+/// A loop that is open, whose gain is to be chosen: `L` of unit gain.
+#[derive(Clone, Debug)]
+struct OpenLoop {
+    response: Vec<Complex64>,
+    /// Its phase, continuous, radians.
+    phase: Vec<f64>,
+    /// Its square magnitude.
+    power: Vec<f64>,
+    /// The largest of it where the phase is -180 degrees or below; 0 where it is nowhere.
+    power_beyond: f64,
 }
 
-/// The smallest phase above -180 degrees at a magnitude of 1, from neighbors on either side of it; infinite without a crossover.
-fn phase_margin_deg(open: &[Complex64], phase: &[f64], gain: f64) -> f64 {
-    let mut least = f64::INFINITY;
-    let mut before = (gain * open[0]).norm_sqr();
-    for index in 1..open.len() {
-        let here = (gain * open[index]).norm_sqr();
-        if (before >= 1.0) != (here >= 1.0) {
-            let part = before.ln() / (before / here).ln();
-            least = least.min(PI + phase[index - 1] + part * (phase[index] - phase[index - 1]));
-        }
-        before = here;
+impl OpenLoop {
+    fn new(response: Vec<Complex64>) -> Self {
+        let phase = unwrapped(&response);
+        let power: Vec<f64> = response.iter().map(|value| value.norm_sqr()).collect();
+        let beyond = phase.iter().zip(&power).filter(|(phase, _)| **phase <= -PI);
+        let power_beyond = beyond.fold(0.0, |most: f64, (_, power)| most.max(*power));
+        Self { response, phase, power, power_beyond }
     }
-    least.to_degrees()
+
+    /// Whether the phase stays above -180 degrees wherever the loop amplifies: such a loop is stable at every lower gain too, which one
+    /// needs whose motors saturate.
+    fn is_stable_from_below(&self, gain: f64) -> bool {
+        gain * gain * self.power_beyond < 1.0
+    }
+
+    /// `max |1 / (1 + gain L)|`. Infinite unless the loop is stable at every lower gain too.
+    fn max_sensitivity(&self, gain: f64) -> f64 {
+        if !self.is_stable_from_below(gain) {
+            return f64::INFINITY;
+        }
+        let inverse = self.response.iter().map(|open| (1.0 + gain * open).norm_sqr());
+        inverse.fold(f64::INFINITY, f64::min).recip().sqrt()
+    }
+
+    /// The smallest phase above -180 degrees at a magnitude of 1, from neighbors on either side of it; infinite without a crossover.
+    fn phase_margin_deg(&self, gain: f64) -> f64 {
+        let mut least = f64::INFINITY;
+        for (power, phase) in self.power.windows(2).zip(self.phase.windows(2)) {
+            let [before, here] = [power[0], power[1]].map(|power| gain * gain * power);
+            if (before >= 1.0) != (here >= 1.0) {
+                let part = before.ln() / (before / here).ln();
+                least = least.min(PI + phase[0] + part * (phase[1] - phase[0]));
+            }
+        }
+        least.to_degrees()
+    }
 }
 
 /// Where the magnitude first falls 3 dB below 1, interpolated in decibels; the last frequency where it does not.
@@ -233,20 +255,20 @@ mod tests {
         let (omega, delay_s) = (grid(), 0.01);
         let open: Vec<Complex64> =
             omega.iter().map(|&w| Complex64::cis(-w * delay_s) / Complex64::new(0.0, w)).collect();
-        let phase = unwrapped(&open);
+        let chain = OpenLoop::new(open);
         for gain in [10.0, 40.0, 80.0] {
             let expected = 90.0 - (gain * delay_s).to_degrees();
-            let found = phase_margin_deg(&open, &phase, gain);
+            let found = chain.phase_margin_deg(gain);
             assert!((found - expected).abs() < 0.02, "{found} is not {expected}");
         }
         // The optimum of the integrator with dead time (k T = 0.5) is known: Ms about 1.6.
-        let at_half = max_sensitivity(&open, &phase, 50.0);
+        let at_half = chain.max_sensitivity(50.0);
         let exact = (1..200_000).map(|i| f64::from(i) * 1e-3);
         let exact = exact.map(|w| 1.0 / (1.0 + 50.0 * Complex64::cis(-w * delay_s) / Complex64::new(0.0, w)).norm());
         let exact = exact.fold(0.0, f64::max);
         assert!((at_half / exact - 1.0).abs() < 5e-3, "{at_half} is not {exact}");
-        assert!(max_sensitivity(&open, &phase, 156.0).is_finite());
-        assert!(max_sensitivity(&open, &phase, 160.0).is_infinite());
+        assert!(chain.max_sensitivity(156.0).is_finite());
+        assert!(chain.max_sensitivity(160.0).is_infinite());
     }
 
     #[test]
@@ -258,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_that_only_a_high_gain_makes_stable_is_refused() {
+    fn a_chainthat_only_a_high_gain_makes_stable_is_refused() {
         // Two integrators and a late zero: beyond -180 degrees at low frequencies.
         let omega = grid();
         let open: Vec<Complex64> = omega
@@ -268,6 +290,6 @@ mod tests {
                 1e3 * (1.0 + s / 10.0) / (s * s * (1.0 + s / 2.0))
             })
             .collect();
-        assert!(max_sensitivity(&open, &unwrapped(&open), 1.0).is_infinite());
+        assert!(OpenLoop::new(open).max_sensitivity(1.0).is_infinite());
     }
 }
