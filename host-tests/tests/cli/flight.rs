@@ -19,7 +19,9 @@ fn a_blackbox_of_a_flight_gives_a_lag_a_compensator_and_no_diagnosis() {
     let text = stand.run("import flight.bbl --excitation flight --out air");
     assert!(text.contains("4 motors are taken") && text.contains("setpoint_roll_rad_s"), "{text}");
 
-    let identified = stand.json("identify air --out motor.toml");
+    let text = stand.run("identify air --out motor.toml --verbose --json found.json");
+    assert!(text.contains("Identified in flight") && text.contains("Each motor"), "{text}");
+    let identified: Value = serde_json::from_str(&stand.read("found.json")).unwrap();
     assert_eq!(identified["judgement"]["state"], "ready within limits", "{identified:#}");
     assert_eq!(identified["motors"].as_array().unwrap().len(), 4);
     let points = identified["points"].as_array().unwrap();
@@ -30,8 +32,6 @@ fn a_blackbox_of_a_flight_gives_a_lag_a_compensator_and_no_diagnosis() {
     let model = stand.read("motor.toml");
     assert!(model.contains("excitation = \"flight\""), "{model}");
 
-    let text = stand.run("identify air --verbose");
-    assert!(text.contains("Identified in flight") && text.contains("Each motor"), "{text}");
     let designed: Value = stand.json("design motor.toml --out lead.toml");
     assert_eq!(designed["kind"], "inverse", "{designed:#}");
     stand.refuses("diagnose air", 1, &["in flight the command answers the response"]);

@@ -76,9 +76,9 @@ fn a_signal_in_the_middle_leaves_nothing() {
 /// a report and figures, and what a long search finds.
 #[cfg(unix)]
 const THAT_WRITE: [(&str, u32); 14] = [
-    ("import long.csv --out imported", 6),
-    ("identify sim --out found.toml --report found.html --figures found", 6),
-    ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 4),
+    ("import long.csv --out imported", 3),
+    ("identify sim --out found.toml --report found.html --figures found", 3),
+    ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 2),
     ("validate sim --model model.toml --report judged.html --json judged.json", 4),
     ("report sim --out report.html", 4),
     ("simulate --model model.toml --plan plan.toml --out again --report again.html --figures again-figures", 3),

@@ -51,7 +51,7 @@ pub(super) fn estimate(series: &Series, record: &Record, fit: &MotorFit) -> Opti
     let command = high_passed(series, &series.input);
     let explained = explained(series, &command, &sampled, delay)?;
     let slow = {
-        let samples = of_samples(series, &series.input);
+        let samples = at_samples(series, &series.input);
         moving_mean(&samples, SLOW)
     };
     let moved: Vec<f64> = slow.iter().zip(&explained).map(|(slow, explained)| slow + explained).collect();
@@ -85,13 +85,13 @@ pub(super) fn estimate(series: &Series, record: &Record, fit: &MotorFit) -> Opti
     .filter(|found| found.difference.is_finite() && found.std.is_finite())
 }
 
-fn of_samples(series: &Series, values: &[f64]) -> Vec<f64> {
+fn at_samples(series: &Series, values: &[f64]) -> Vec<f64> {
     let mean = |rows: &std::ops::Range<usize>| values[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
     series.samples.iter().map(|sample| mean(&sample.rows)).collect()
 }
 
 fn high_passed(series: &Series, values: &[f64]) -> Vec<f64> {
-    let samples = of_samples(series, values);
+    let samples = at_samples(series, values);
     let slow = moving_mean(&samples, SLOW);
     samples.iter().zip(&slow).map(|(value, slow)| value - slow).collect()
 }

@@ -230,7 +230,7 @@ fn wanted_motor(plain: &PlainTable<'_>, options: &ImportOptions) -> Result<Optio
 }
 
 /// The columns of a quantity of other motors than the one, which are in the unit of its own.
-pub(super) fn of_other_motors(plain: &PlainTable<'_>, quantity: Quantity, motor: usize) -> Vec<(usize, usize)> {
+pub(super) fn other_motors(plain: &PlainTable<'_>, quantity: Quantity, motor: usize) -> Vec<(usize, usize)> {
     let other = |column: usize| {
         let said = Said::from_column(plain, column).filter(|said| said.quantity == quantity)?;
         said.motor.filter(|other| *other != motor).map(|other| (other, column))

@@ -4,7 +4,7 @@
 
 use rotorlead_numerics::sample::median;
 
-use super::columns::{Pick, of_other_motors};
+use super::columns::{Pick, other_motors};
 use super::layout::PlainTable;
 use crate::experiment::{Excitation, Output};
 use crate::import::quantity::{DSHOT, Quantity, Scale};
@@ -191,7 +191,7 @@ impl Rows<'_> {
         options: &ImportOptions,
     ) -> Result<(), ImportError> {
         let Some((low, high)) = command_range(command, options) else { return Ok(()) };
-        for (other, column) in of_other_motors(plain, Quantity::Command, motor) {
+        for (other, column) in other_motors(plain, Quantity::Command, motor) {
             let numbers = self.table.numbers(&[(column, command.reading())])?;
             let scaled = |&place: &usize| ((numbers[0][place] - low) / (high - low)).max(0.0);
             let others = [(other, self.places.iter().map(scaled).collect())];
