@@ -8,6 +8,7 @@ mod flights;
 mod frequency_response;
 mod holds;
 mod hum;
+mod levels;
 mod own_stamps;
 mod plausibility;
 mod random_commands;

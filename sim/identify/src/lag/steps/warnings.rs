@@ -30,11 +30,14 @@ pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<S
         if from >= until {
             return;
         }
+        // The level that a run begins with may reach back before it, to where it has not settled.
+        let is_alone = |p: &&Plateau| p.state == PlateauState::Running && p.rows.start >= from && p.rows.end <= until;
         let inside = || all.iter().filter(|p| p.rows.start < until && p.rows.end > from);
         let idle = inside().filter(|p| p.state == PlateauState::Idle).map(|p| p.mean / highest).reduce(f64::max);
         let frozen = inside().find(|p| p.state == PlateauState::Frozen);
         let reason = match (frozen, idle) {
             (Some(frozen), _) => LeftOut::Frozen { at: frozen.mean },
+            _ if inside().any(|p| is_alone(&p)) => LeftOut::Short,
             (None, Some(share)) => LeftOut::Idle { share },
             (None, None) if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
             // Of the level that a run begins with, what comes before it has settled.
@@ -154,8 +157,11 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
         }
         warnings.extend(curve.asymmetry().map(|ratio| StepsWarning::Asymmetric { ratio }));
     }
-    let falls = |level: &&Level| level.gain.is_none();
-    warnings.extend(levels.iter().filter(falls).map(|level| StepsWarning::NotRising { command: level.command }));
+    let without_gain = levels.iter().filter(|level| level.gain.is_none());
+    warnings.extend(without_gain.map(|&Level { command, falls, .. }| match falls {
+        true => StepsWarning::NotRising { command },
+        false => StepsWarning::NoGain { command },
+    }));
     let curvature = lag.curvature;
     if is_curved(curvature) {
         warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
