@@ -1,7 +1,7 @@
 //! Steady responses: what a record says of the static map.
 
 use rotorlead_numerics::sample::extent;
-use rotorlead_plant::StaticMap;
+use rotorlead_plant::{Lagged, StaticMap};
 use rotorlead_records::{CommandShape, Excitation, Output, Record};
 
 use super::ramp::{self, bin_width};
@@ -91,6 +91,7 @@ impl SteadyPoints {
         StaticMap {
             command: sums.iter().map(|level| level.0 / level.2).collect(),
             response: sums.iter().map(|level| level.1 / level.2).collect(),
+            lagged: Lagged::Response,
             polynomial: None,
         }
     }

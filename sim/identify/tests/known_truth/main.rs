@@ -13,6 +13,7 @@ mod own_stamps;
 mod plausibility;
 mod random_commands;
 mod slow_readings;
+mod squares;
 mod stalls;
 mod stand;
 mod static_map;

@@ -30,9 +30,10 @@ use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_numerics::sample::{median, variance};
 
 use nalgebra::DMatrix;
+use rotorlead_plant::Lagged;
 
 use super::plateaus::Plateau;
-use super::problem::{CURVATURE, DELAY, Evaluation, Linearization, PER_STEP, StepProblem, Window};
+use super::problem::{CURVATURE, DELAY, Evaluation, Linearization, PER_STEP, StepLaw, StepProblem, Window};
 use super::step::{Step, StepFault, StepLag};
 use super::uncertainty::{correlated, correlation};
 use super::{Run, StepsError};
@@ -71,7 +72,8 @@ const MOVED: f64 = 3.0;
 pub(super) struct LagFit {
     pub(super) delay_s: Estimate,
     pub(super) curvature: Estimate,
-    /// Curvature per unit of response and second of time constant: the bend over the time constant.
+    pub(super) lagged: Lagged,
+    /// [`StepLaw::bend_per_s`] of it.
     pub(super) bend_per_s: f64,
     /// Standard deviation of the onsets, seconds.
     pub(super) onset_std_s: f64,
@@ -93,6 +95,8 @@ pub(super) struct StepRows<'a> {
     pub(super) without_reading: &'a [bool],
     /// Over how long each reading is the mean, seconds; 0 for a momentary value.
     pub(super) mean_s: f64,
+    /// What is taken to lag.
+    pub(super) lagged: Lagged,
     /// Standard deviation of the moments of the command's own stamps, seconds, where it has them.
     pub(super) change_std_s: Option<f64>,
 }
@@ -117,8 +121,8 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     let change_std_s = data.change_std_s.map_or(row_s / 12.0_f64.sqrt(), |std_s| std_s.max(LEAST_CHANGE_STD_S));
     let least_onset_std_s = change_std_s.hypot(frame_s / 12.0_f64.sqrt());
     let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
-    let usual_s = rise_s;
-    let reference = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let highest = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let law = StepLaw { lagged: data.lagged, reference: data.lagged.at_response(highest), usual_s: rise_s };
     let quantum = quantum(data, runs);
     let after_gaps = rows_after_gaps(data.time_s);
     let mut windows: Vec<Window> =
@@ -131,16 +135,12 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|steps| {
-            first_pass(
-                &StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
-                rise_s,
-            )
+            first_pass(&StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, law }, rise_s)
         })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
-        let problem =
-            StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
+        let problem = StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, law };
         (onset_variance(&problem, rough), steps.len() as f64)
     });
     let (sum, count) =
@@ -148,7 +148,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
     let left: f64 = rough.iter().flat_map(|fitted| fitted.at.residuals.iter().flatten()).map(|r| r * r).sum();
     let chi_square = (left, windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count());
-    let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
+    let stamp_std_s = weigh(&mut windows, batches, &rough, law, row_s);
 
     let curvature = {
         let of_batches: Vec<f64> = rough.iter().map(|fitted| fitted.at.parameters[CURVATURE]).collect();
@@ -165,11 +165,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|(steps, rough)| {
-            Fitted::from(
-                &StepProblem { steps, onset_std_s, curvature, reference, usual_s },
-                rough.at.parameters,
-                LIMITS,
-            )
+            Fitted::from(&StepProblem { steps, onset_std_s, curvature, law }, rough.at.parameters, LIMITS)
         })
         .map(|fitted| fitted.filter(|fitted| fitted.converged))
         .collect::<Option<_>>()
@@ -178,6 +174,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     let mut result = LagFit {
         delay_s: Estimate::normal(0.0, 0.0),
         curvature: Estimate::normal(0.0, 0.0),
+        lagged: law.lagged,
         bend_per_s: 0.0,
         onset_std_s,
         stamp_std_s,
@@ -185,11 +182,8 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         covariance: DMatrix::zeros(windows.len(), windows.len()),
     };
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
-    for (batch, (problem, fitted)) in windows
-        .chunks(batches)
-        .map(|steps| StepProblem { steps, onset_std_s, curvature, reference, usual_s })
-        .zip(&fits)
-        .enumerate()
+    for (batch, (problem, fitted)) in
+        windows.chunks(batches).map(|steps| StepProblem { steps, onset_std_s, curvature, law }).zip(&fits).enumerate()
     {
         let covariance = fitted.covariance(&problem, &correlation);
         let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
@@ -211,16 +205,17 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
                 after: window.after * p[StepProblem::level_index(i)],
                 before: window.before * p[StepProblem::level_before_index(i)],
                 fit_percent: percent(window, &problem, i, p),
-                bend: p[CURVATURE] / reference / usual_s * tau_s,
+                bend: law.bend_per_s(p[CURVATURE]) * tau_s,
+                lagged: law.lagged,
                 mean_s: data.mean_s,
             });
         }
     }
     result.delay_s = pooled(&delays);
     let curvature = pooled(&curvatures);
-    result.bend_per_s = curvature.value / reference / usual_s;
+    result.bend_per_s = law.bend_per_s(curvature.value);
     let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
-    let scale = median(taus).unwrap_or(usual_s) / usual_s;
+    let scale = median(taus).unwrap_or(law.usual_s) / law.usual_s;
     result.curvature = Estimate::normal(scale * curvature.value, scale * curvature.std);
     Ok(result)
 }
@@ -377,15 +372,13 @@ fn onset_variance(problem: &StepProblem<'_>, rough: &Fitted) -> f64 {
 }
 
 /// Gives each row the standard deviation that a first fit suggests; the standard deviation of stamps.
-fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f64), row_s: f64) -> f64 {
-    let (reference, usual_s) = units;
+fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], law: StepLaw, row_s: f64) -> f64 {
     let (mut excess, mut scale) = (0.0, 0.0);
     let mut slopes = Vec::with_capacity(windows.len());
     for (steps, fitted) in windows.chunks_mut(batch).zip(rough) {
         let unit = scaled_inverse(&fitted.linearization.matrix, 0.0);
         let own: Vec<Vec<f64>> = {
-            let problem =
-                StepProblem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
+            let problem = StepProblem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, law };
             (0..steps.len()).map(|k| problem.slope(k, &fitted.at.parameters, row_s)).collect()
         };
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {

@@ -23,6 +23,10 @@
 //! are always those of small motions about the level that the step leads to. Fixing `k` at a motor's value would move the
 //! residual of the large steps into their time constants where something else starts them more gently, and make up and down
 //! differ where they do not.
+//!
+//! Thrust that is the square of a speed with a first-order lag has a curvature too, which is another at each level. So where thrust is
+//! curved, the same fit is made with its square root as what lags ([`Lagged`]). The fit with the root is taken where it has no curvature and
+//! is no worse. Rows, noise and levels are those of thrust in both.
 
 mod averaging;
 mod clipped_plateaus;
@@ -54,6 +58,7 @@ pub use levels::{Branch, Level};
 pub use plateaus::Direction;
 pub use warning::{LeftOut, StepsWarning};
 
+use rotorlead_plant::Lagged;
 use rotorlead_records::{Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
@@ -74,6 +79,9 @@ pub struct StaircaseFit {
     pub record: String,
     /// Which column was fitted.
     pub output: Output,
+    /// What lags: the response, or where it is thrust its square root. Time constants, delay and curvature are of that, levels and
+    /// gains of the response.
+    pub lagged: Lagged,
     /// The rows on which the motor runs steadily: one range or more, parted by stops and idling.
     pub runs: Vec<Range<usize>>,
     /// All steps of these runs, in time, each with its lag or the reason why it has none.
@@ -137,9 +145,29 @@ impl Serialize for StaircaseFit {
 /// [`StepsError`]: no response, a command that never changes, a motor that never runs steadily, no step
 /// that carries a lag.
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
-    let raw = checked_response(record, output)?;
     let runs = Run::all(record, output)?;
-    let steps = step::find_steps(&record.time_s, &runs);
+    let fit = |lagged| fit_lagged(record, output, lagged, &runs, esc_frame_hz);
+    let of_response = fit(Lagged::Response)?;
+    if output != Output::ThrustN || !warnings::is_curved(of_response.curvature) {
+        return Ok(of_response);
+    }
+    // What is as good as its noise allows is as good as any.
+    let enough = of_response.fit_percent_own_levels.min(of_response.ceiling_percent);
+    let is_better =
+        |of_root: &StaircaseFit| !warnings::is_curved(of_root.curvature) && of_root.fit_percent_own_levels >= enough;
+    Ok(fit(Lagged::SquareRoot).ok().filter(is_better).unwrap_or(of_response))
+}
+
+/// [`fit_staircase`] with what lags given.
+fn fit_lagged(
+    record: &Record,
+    output: Output,
+    lagged: Lagged,
+    runs: &[Run],
+    esc_frame_hz: Option<f64>,
+) -> Result<StaircaseFit, StepsError> {
+    let raw = checked_response(record, output)?;
+    let steps = step::find_steps(&record.time_s, runs);
     let (y, without_reading) = (runs[0].clean.clone(), runs[0].rows_without_reading());
     let change_std_s = record.command_log.as_ref().map(|log| log.resolution_s() / 12.0_f64.sqrt());
     let data = StepRows {
@@ -148,12 +176,13 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         y: &y,
         without_reading: &without_reading,
         mean_s: 0.0,
+        lagged,
         change_std_s,
     };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
     let (lag, mut steps, readings) =
-        averaging::fit(&data, &runs, &steps, frame_s).map_err(|error| match (error, limit) {
+        averaging::fit(&data, runs, &steps, frame_s).map_err(|error| match (error, limit) {
             (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
             (error, _) => error,
         })?;
@@ -162,10 +191,10 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
 
     // Those first that change the answer most.
-    let mut warnings = warnings::check_steps(record, &runs, &steps);
+    let mut warnings = warnings::check_steps(record, runs, &steps);
     warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
     warnings.extend(warnings::check_fit(&levels, &lag, curve.as_ref()));
-    warnings.extend(warnings::check_runs(record, output, &runs));
+    warnings.extend(warnings::check_runs(record, output, runs));
     warnings.extend(readings.map(|readings| readings.warning(output.column())));
     let mean_s = readings.map_or(0.0, |readings| readings.mean_s());
 
@@ -189,7 +218,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let own_levels = simulate(&own);
     let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
     let shown: Vec<bool> = runs.iter().flat_map(Run::unclipped_rows).collect();
-    let nothing = step::rows_without_lag(without_reading.clone(), &runs, &steps);
+    let nothing = step::rows_without_lag(without_reading.clone(), runs, &steps);
     let clean = |k: usize| shown[k] && !nothing[rows[k]];
     let ceiling = || {
         let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));
@@ -203,9 +232,10 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         // Minus infinity for a response that is constant, which runs with a usable step are not.
         fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
     };
-    let mut fit = StaircaseFit {
+    Ok(StaircaseFit {
         record: record.file.clone(),
         output,
+        lagged,
         fit_percent: percent(&y, &simulated, &clean),
         fit_percent_with_spikes: percent(raw, &simulated, &|k| shown[k]),
         fit_percent_own_levels: percent(&y, &own_levels, &clean),
@@ -221,9 +251,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         main_direction,
         simulated,
         warnings,
-    };
-    warnings::as_square(&mut fit, record, esc_frame_hz);
-    Ok(fit)
+    })
 }
 
 /// Lays the curve through the steps; marks those that are hardly known or contradict the others, and widens the intervals of
@@ -315,7 +343,7 @@ fn simulate_run(
             });
             let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
             let bend = lag.bend_per_s * time_constant_s;
-            Segment { from_s: plateau.change_s, level, time_constant_s, delay_s, bend }
+            Segment { from_s: plateau.change_s, level, time_constant_s, delay_s, bend, lagged: lag.lagged }
         })
         .collect();
     let mut simulated = vec![0.0; rows.len()];

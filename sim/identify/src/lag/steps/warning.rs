@@ -282,8 +282,8 @@ impl fmt::Display for StepsWarning {
                 let lags = lags.filter_map(|(tau, way)| Some(format!("{:.1} ms {way}", 1e3 * (*tau)?)));
                 write!(
                     f,
-                    "large steps are those of a thrust that is the square of a speed, which lags {}; the model has the lag of thrust in \
-                     small motions",
+                    "large steps are those of a thrust that is the square of a speed, which lags {}: the model has that lag, and the \
+                     square behind it",
                     lags.collect::<Vec<_>>().join(" and ")
                 )
             }

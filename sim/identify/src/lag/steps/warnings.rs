@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use rotorlead_plant::Lagged;
 use rotorlead_records::{Output, Record};
 
 use super::fit::LagFit;
 use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
-use super::{Direction, LeftOut, Level, Run, StaircaseFit, StepsWarning, TimeConstantCurve};
+use super::{Direction, LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 use crate::estimate::Estimate;
 use crate::rows::gaps::rows_after_gaps;
 use crate::rows::ripple::Ripple;
@@ -119,28 +120,8 @@ pub(super) fn check_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<
 }
 
 /// Whether large steps are not those of a first-order lag. At an end of its range a curvature is held there.
-fn is_curved(curvature: Estimate) -> bool {
+pub(super) fn is_curved(curvature: Estimate) -> bool {
     curvature.value > LEAST_CURVATURE && curvature.excludes(0.0)
-}
-
-/// That the steps of a curved thrust are those of the square of a speed with a first-order lag, in place of what is said of drag: the
-/// square root of the thrust shows no curvature then, and is fitted no worse.
-pub(super) fn as_square(fit: &mut StaircaseFit, record: &Record, esc_frame_hz: Option<f64>) {
-    let of_curve = |warning: &StepsWarning| matches!(warning, StepsWarning::Curved { .. });
-    let Some(place) = fit.warnings.iter().position(of_curve).filter(|_| fit.output == Output::ThrustN) else { return };
-    let Some(thrust) = &record.thrust_n else { return };
-    let speed = thrust.iter().map(|thrust| thrust.max(0.0).sqrt()).collect();
-    let Ok(root) = super::fit_staircase(&Record { rpm: Some(speed), ..record.clone() }, Output::Rpm, esc_frame_hz)
-    else {
-        return;
-    };
-    let missed = |fit: &StaircaseFit| fit.ceiling_percent - fit.fit_percent_own_levels;
-    if let Some(curve) =
-        root.curve.as_ref().filter(|_| !is_curved(root.curvature) && missed(&root) <= missed(fit).max(0.0))
-    {
-        let time_constants_s = [Direction::Up, Direction::Down].map(|way| Some(curve.average(way)?.value));
-        fit.warnings[place] = StepsWarning::Square { time_constants_s };
-    }
 }
 
 /// What is odd about the levels and the lag.
@@ -163,6 +144,11 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
         false => StepsWarning::NoGain { command },
     }));
     let curvature = lag.curvature;
+    if lag.lagged == Lagged::SquareRoot {
+        let average = |way| Some(curve?.average(way)?.value);
+        let time_constants_s = [Direction::Up, Direction::Down].map(average);
+        warnings.push(StepsWarning::Square { time_constants_s });
+    }
     if is_curved(curvature) {
         warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
     }
