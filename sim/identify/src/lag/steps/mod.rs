@@ -25,8 +25,8 @@
 //! differ where they do not.
 //!
 //! Thrust that is the square of a speed with a first-order lag has a curvature too, which is another at each level. So where thrust is
-//! curved, the same fit is made with its square root as what lags ([`Lagged`]). The fit with the root is taken where it has no curvature and
-//! is no worse. Rows, noise and levels are those of thrust in both.
+//! curved, the same fit is made with its square root as what lags ([`Lagged`]). It is taken, with a first-order lag, where the root is not
+//! curved, and the curvature of thrust gains no more on it than a parameter does by chance. Rows, noise and levels are those of thrust in both.
 
 mod averaging;
 mod clipped_plateaus;
@@ -65,12 +65,22 @@ use crate::estimate::{Estimate, MAX_RELATIVE_STD};
 use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
 use crate::rows::readings::mean_over;
 use curve::StepTimeConstant;
-use fit::{LagFit, StepRows};
+use fit::{CURVATURE_KNOWN, FIRST_ORDER, LagFit, StepRows};
 pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
 use response::{Segment, simulate};
 pub use run::Run;
 pub(crate) use run::find_plateaus;
 pub use step::{Step, StepFault, StepLag};
+
+/// Probability of the interval of a curvature that has to leave out zero for steps to be called curved. Standard: that of every interval
+/// here, 95 %.
+const CURVED_PROBABILITY: f64 = 0.95;
+/// And for the square to be refused. Chosen: once it explains a curvature of thrust that is known to be one, a true square is refused once
+/// in 1000 records.
+const SQUARE_PROBABILITY: f64 = 0.999;
+/// Twice the logarithm of the likelihood ratio that a curvature gains where there is none. Derived: the chi-square of one degree of freedom
+/// at [`SQUARE_PROBABILITY`].
+const CURVATURE_BY_CHANCE: f64 = 10.83;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,29 +155,9 @@ impl Serialize for StaircaseFit {
 /// [`StepsError`]: no response, a command that never changes, a motor that never runs steadily, no step
 /// that carries a lag.
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
-    let runs = Run::all(record, output)?;
-    let fit = |lagged| fit_lagged(record, output, lagged, &runs, esc_frame_hz);
-    let of_response = fit(Lagged::Response)?;
-    if output != Output::ThrustN || !warnings::is_curved(of_response.curvature) {
-        return Ok(of_response);
-    }
-    // What is as good as its noise allows is as good as any.
-    let enough = of_response.fit_percent_own_levels.min(of_response.ceiling_percent);
-    let is_better =
-        |of_root: &StaircaseFit| !warnings::is_curved(of_root.curvature) && of_root.fit_percent_own_levels >= enough;
-    Ok(fit(Lagged::SquareRoot).ok().filter(is_better).unwrap_or(of_response))
-}
-
-/// [`fit_staircase`] with what lags given.
-fn fit_lagged(
-    record: &Record,
-    output: Output,
-    lagged: Lagged,
-    runs: &[Run],
-    esc_frame_hz: Option<f64>,
-) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
-    let steps = step::find_steps(&record.time_s, runs);
+    let runs = Run::all(record, output)?;
+    let steps = step::find_steps(&record.time_s, &runs);
     let (y, without_reading) = (runs[0].clean.clone(), runs[0].rows_without_reading());
     let change_std_s = record.command_log.as_ref().map(|log| log.resolution_s() / 12.0_f64.sqrt());
     let data = StepRows {
@@ -176,25 +166,41 @@ fn fit_lagged(
         y: &y,
         without_reading: &without_reading,
         mean_s: 0.0,
-        lagged,
+        lagged: Lagged::Response,
+        curvature: CURVATURE_KNOWN,
         change_std_s,
     };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
-    let (lag, mut steps, readings) =
-        averaging::fit(&data, runs, &steps, frame_s).map_err(|error| match (error, limit) {
-            (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
-            (error, _) => error,
-        })?;
+    let fit = |lagged, curvature| {
+        averaging::fit(&StepRows { lagged, curvature, ..data }, &runs, &steps, frame_s).map_err(|error| {
+            match (error, limit) {
+                (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+                (error, _) => error,
+            }
+        })
+    };
+    let of_response = fit(Lagged::Response, CURVATURE_KNOWN)?;
+    let square = || {
+        if output != Output::ThrustN
+            || !of_response.0.is_curved(CURVED_PROBABILITY)
+            || fit(Lagged::SquareRoot, CURVATURE_KNOWN).ok()?.0.is_curved(SQUARE_PROBABILITY)
+        {
+            return None;
+        }
+        let square = fit(Lagged::SquareRoot, FIRST_ORDER).ok()?;
+        (square.0.chi_square.gain_of(of_response.0.chi_square) < CURVATURE_BY_CHANCE).then_some(square)
+    };
+    let (lag, mut steps, readings) = square().unwrap_or(of_response);
     let curve = join(&mut steps, &lag);
     let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
 
     // Those first that change the answer most.
-    let mut warnings = warnings::check_steps(record, runs, &steps);
+    let mut warnings = warnings::check_steps(record, &runs, &steps);
     warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
     warnings.extend(warnings::check_fit(&levels, &lag, curve.as_ref()));
-    warnings.extend(warnings::check_runs(record, output, runs));
+    warnings.extend(warnings::check_runs(record, output, &runs));
     warnings.extend(readings.map(|readings| readings.warning(output.column())));
     let mean_s = readings.map_or(0.0, |readings| readings.mean_s());
 
@@ -218,7 +224,7 @@ fn fit_lagged(
     let own_levels = simulate(&own);
     let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
     let shown: Vec<bool> = runs.iter().flat_map(Run::unclipped_rows).collect();
-    let nothing = step::rows_without_lag(without_reading.clone(), runs, &steps);
+    let nothing = step::rows_without_lag(without_reading.clone(), &runs, &steps);
     let clean = |k: usize| shown[k] && !nothing[rows[k]];
     let ceiling = || {
         let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));
@@ -235,7 +241,7 @@ fn fit_lagged(
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
-        lagged,
+        lagged: lag.lagged,
         fit_percent: percent(&y, &simulated, &clean),
         fit_percent_with_spikes: percent(raw, &simulated, &|k| shown[k]),
         fit_percent_own_levels: percent(&y, &own_levels, &clean),

@@ -31,6 +31,8 @@ pub(super) struct Window {
     pub(super) mean_s: f64,
     /// Variance of each row by the noise of its time stamp, in units of that of the sensor's noise.
     pub(super) stamp_variance: Vec<f64>,
+    /// By how much the variance is taken for larger than the sensor's, as a first fit leaves more.
+    pub(super) excess: f64,
 }
 
 /// Indices of the shared parameters.

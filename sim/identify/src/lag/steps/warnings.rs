@@ -8,7 +8,7 @@ use rotorlead_records::{Output, Record};
 use super::fit::LagFit;
 use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
-use super::{Direction, LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
+use super::{CURVED_PROBABILITY, Direction, LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 use crate::estimate::Estimate;
 use crate::rows::gaps::rows_after_gaps;
 use crate::rows::ripple::Ripple;
@@ -16,8 +16,6 @@ use crate::rows::ripple::Ripple;
 /// A standard deviation between steps above this share is reported. Chosen: a third of the most that logs of thrust stands show, 0.15; a
 /// compensator hardly changes with less.
 const SCATTER: f64 = 0.05;
-/// And a curvature from here on. Chosen: it changes the middle of the largest step by 2 %, `0.5 / (1 + 0.5 k)` in place of 0.5.
-const LEAST_CURVATURE: f64 = 0.1;
 /// A level is as good as settled after this many time constants. Chosen: 0.7 %, `e^-5`, of the step is still to come.
 const SETTLED_TIME_CONSTANTS: f64 = 5.0;
 
@@ -119,11 +117,6 @@ pub(super) fn check_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<
     warnings
 }
 
-/// Whether large steps are not those of a first-order lag. At an end of its range a curvature is held there.
-pub(super) fn is_curved(curvature: Estimate) -> bool {
-    curvature.value > LEAST_CURVATURE && curvature.excludes(0.0)
-}
-
 /// What is odd about the levels and the lag.
 pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstantCurve>) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
@@ -143,14 +136,17 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
         true => StepsWarning::NotRising { command },
         false => StepsWarning::NoGain { command },
     }));
-    let curvature = lag.curvature;
-    if lag.lagged == Lagged::SquareRoot {
-        let average = |way| Some(curve?.average(way)?.value);
-        let time_constants_s = [Direction::Up, Direction::Down].map(average);
-        warnings.push(StepsWarning::Square { time_constants_s });
-    }
-    if is_curved(curvature) {
-        warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
+    match lag.lagged {
+        Lagged::SquareRoot => {
+            let average = |way| Some(curve?.average(way)?.value);
+            let time_constants_s = [Direction::Up, Direction::Down].map(average);
+            warnings.push(StepsWarning::Square { time_constants_s });
+        }
+        Lagged::Response if lag.is_curved(CURVED_PROBABILITY) => {
+            let Estimate { value: curvature, std, .. } = lag.curvature;
+            warnings.push(StepsWarning::Curved { curvature, std });
+        }
+        Lagged::Response => {}
     }
     if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
