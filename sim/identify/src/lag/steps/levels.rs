@@ -149,6 +149,23 @@ fn branch(
     })
 }
 
+/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
+/// levels.
+pub(super) fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
+    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
+    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
+        return response(level);
+    }
+    let above = levels.partition_point(|l| l.command < command);
+    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
+        (Some(low), Some(high)) => {
+            let share = (command - low.command) / (high.command - low.command);
+            response(low) + share * (response(high) - response(low))
+        }
+        (one, other) => one.or(other).map_or(0.0, response),
+    }
+}
+
 /// The weighted mean of the logarithms of time constants.
 fn joined(estimates: impl Iterator<Item = Estimate>) -> Option<Estimate> {
     let (mut sum, mut weights, mut dof) = (0.0, 0.0, f64::INFINITY);

@@ -13,7 +13,7 @@
 //! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
 //!    others, and what they differ by beyond their own errors (`curve`);
 //! 6. levels get their static response, slope and time constants (`levels`);
-//! 7. the runs are simulated with that and compared (here).
+//! 7. the runs are simulated with that (`simulated`) and compared (here).
 //!
 //! Whether one lag will do, or its time constant depends on speed or direction, is what the diagnosis asks.
 //!
@@ -39,6 +39,7 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
+mod simulated;
 mod step;
 mod step_gaps;
 mod uncertainty;
@@ -66,10 +67,11 @@ use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
 use crate::rows::readings::mean_over;
 use curve::StepTimeConstant;
 use fit::{CURVATURE_KNOWN, FIRST_ORDER, LagFit, StepRows};
+use levels::map_response;
 pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
-use response::{Segment, simulate};
 pub use run::Run;
 pub(crate) use run::find_plateaus;
+use simulated::{LevelAndDelay, simulate_run};
 pub use step::{Step, StepFault, StepLag};
 
 /// Probability of the interval of a curvature that has to leave out zero for steps to be called curved. Standard: that of every interval
@@ -133,8 +135,9 @@ pub struct StaircaseFit {
 
 impl Serialize for StaircaseFit {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut values = serializer.serialize_struct("StaircaseFit", 8)?;
+        let mut values = serializer.serialize_struct("StaircaseFit", 9)?;
         values.serialize_field("record", &self.record)?;
+        values.serialize_field("lagged", &self.lagged)?;
         values.serialize_field("delay_s", &self.delay_s.value)?;
         values.serialize_field("delay_s_std", &self.delay_s.std)?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
@@ -304,57 +307,4 @@ fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsErro
     let even = columns.iter().all(|c| c.len() == y.len());
     let forward = record.time_s.is_sorted_by(|a, b| a < b);
     if finite && even && forward { Ok(y) } else { Err(StepsError::Malformed { record: record.file.clone() }) }
-}
-
-/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
-/// levels.
-fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
-    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
-    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
-        return response(level);
-    }
-    let above = levels.partition_point(|l| l.command < command);
-    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
-        (Some(low), Some(high)) => {
-            let share = (command - low.command) / (high.command - low.command);
-            response(low) + share * (response(high) - response(low))
-        }
-        (one, other) => one.or(other).map_or(0.0, response),
-    }
-}
-
-/// The level of a plateau and the delay to it, by what is known of the step that leads to it.
-type LevelAndDelay<'a> = dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64) + 'a;
-
-/// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
-fn simulate_run(
-    run: &Run,
-    time_s: &[f64],
-    steps: &[Step],
-    lag: &LagFit,
-    curve: Option<&TimeConstantCurve>,
-    level_and_delay: &LevelAndDelay<'_>,
-) -> Vec<f64> {
-    let rows = run.rows();
-    let segments: Vec<Segment> = run
-        .plateaus
-        .iter()
-        .map(|plateau| {
-            let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().and_then(|k| steps[k].lag);
-            let (level, delay_s) = level_and_delay(plateau, step.as_ref());
-            // Beyond the steps that it rests on, the curve is not to be trusted further than its ends.
-            let of_curve = curve.map(|curve| {
-                let at = plateau.command.clamp(curve.range.0, curve.range.1);
-                curve.toward(at, plateau.direction.unwrap_or(Direction::Up)).value
-            });
-            let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
-            let bend = lag.bend_per_s * time_constant_s;
-            Segment { from_s: plateau.change_s, level, time_constant_s, delay_s, bend, lagged: lag.lagged }
-        })
-        .collect();
-    let mut simulated = vec![0.0; rows.len()];
-    // The fit went through the same steps, so they have a response; should rounding say otherwise, the
-    // percentages say so too.
-    let _ = simulate(&segments, &time_s[rows], &mut simulated);
-    simulated
 }

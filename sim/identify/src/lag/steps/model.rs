@@ -2,7 +2,8 @@
 
 use rotorlead_plant::{Lag, Model, Point, Provenance, StaticMap};
 
-use super::{StaircaseFit, StepsError, map_response};
+use super::levels::map_response;
+use super::{StaircaseFit, StepsError};
 
 impl StaircaseFit {
     /// The model: a point at each level that has a rising map and lies within the curve of time constants, and the static map
