@@ -84,9 +84,10 @@ pub(super) fn levels(
 ) -> (Vec<Level>, Direction) {
     let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == PlateauState::Running;
     let free: Vec<Plateau> = plateaus.iter().filter(is_level).cloned().collect();
-    // The plateau that begins a record came from nowhere; it is a level like most of the others.
-    let ways = |way| free.iter().filter(|p| p.direction == Some(way)).count();
-    let usual = if ways(Direction::Up) >= ways(Direction::Down) { Direction::Up } else { Direction::Down };
+    // The plateau that begins a record is a level like those reached from below, by which a motor starts; where there is none, like the
+    // others.
+    let from_below = free.iter().any(|p| p.direction == Some(Direction::Up));
+    let usual = if from_below { Direction::Up } else { Direction::Down };
     let plateaus = &free;
     let mut levels: Vec<Level> = Vec::new();
     for plateau in plateaus {
