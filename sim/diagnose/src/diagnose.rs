@@ -427,7 +427,7 @@ fn scaled(model: &Model, found: &BasePoint, given: Lag) -> (Vec<Point>, Option<S
     let map = model.static_map.as_ref().map(|map| StaticMap {
         response: map.response.iter().map(|response| response * gain).collect(),
         polynomial: None,
-        command: map.command.clone(),
+        ..map.clone()
     });
     (model.points.iter().map(point).collect(), map)
 }

@@ -34,7 +34,7 @@ fn between_levels(levels: &StaticMap, record: &Record, output: Output) -> Option
             response.push(fit.response(at).value + missed[0] + share * (missed[1] - missed[0]));
         }
     }
-    Some(StaticMap { command, response, polynomial: None })
+    Some(StaticMap { command, response, lagged: levels.lagged, polynomial: None })
 }
 
 /// The measured levels as a curve with one time constant, and its lag at each nominal command, where `found` names of steps with a measured

@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_plant::{Lag as PointLag, Point, Provenance, StaticMap, TimeConstantBand};
+use rotorlead_plant::{Lag as PointLag, Lagged, Point, Provenance, StaticMap, TimeConstantBand};
 use rotorlead_records::{Excitation, Output};
 
 use super::*;
@@ -39,7 +39,12 @@ fn model(output: Output, static_map: Option<StaticMap>) -> Model {
 /// Levels from 0.05 to 1, and the response at each.
 fn map(response: impl Fn(f64) -> f64) -> StaticMap {
     let command: Vec<f64> = (1..=20).map(|level| f64::from(level) / 20.0).collect();
-    StaticMap { response: command.iter().copied().map(response).collect(), command, polynomial: None }
+    StaticMap {
+        response: command.iter().copied().map(response).collect(),
+        command,
+        lagged: Lagged::Response,
+        polynomial: None,
+    }
 }
 
 fn thrust_model(response: impl Fn(f64) -> f64) -> Model {
@@ -119,7 +124,7 @@ fn the_example_of_ardupilots_own_page_comes_out() {
     let script: f64 = products / squares;
     let determinant = xxxx * xx - xxx * xxx;
     let (a, b) = ((xxy * xx - xy * xxx) / determinant, (xxxx * xy - xxx * xxy) / determinant);
-    let map = StaticMap { command, response: thrust.to_vec(), polynomial: None };
+    let map = StaticMap { command, response: thrust.to_vec(), lagged: Lagged::Response, polynomial: None };
     let options = StackOptions { output_range: Some((0.0, 0.8)), at: None };
     let found = only(Stack::Ardupilot, &model(Output::ThrustN, Some(map)), options);
     near(found.value, a / (a + b));
@@ -155,7 +160,8 @@ fn what_a_map_does_not_reach_is_refused() {
         let all = map(|u| 12.0 * u * u);
         let kept: Vec<usize> = (0..20).filter(|&k| (from..=to).contains(&all.command[k])).collect();
         let of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect();
-        let map = StaticMap { command: of(&all.command), response: of(&all.response), polynomial: None };
+        let map =
+            StaticMap { command: of(&all.command), response: of(&all.response), lagged: all.lagged, polynomial: None };
         model(Output::ThrustN, Some(map))
     };
     refuses(Stack::Px4, &cut(0.0, 0.96), "THR_MDL_FAC", &["command of 1", "0.950", "output-range"]);

@@ -242,7 +242,7 @@ pub enum IdentifyError {
          them apart is over as soon as the ramp has begun"
     )]
     #[diagnostic(help(
-        "play steps, a multisine or a chirp (`rotorlead excite`); of a slow ramp `--excitation steady` takes the rows as points of a static map"
+        "play steps, a multisine or a chirp (`rotorlead excite`); for the static map alone, which a ramp up and down shows, `--excitation steady`"
     ))]
     RampCommand {
         /// The record.

@@ -1,7 +1,7 @@
 //! The rotor with its propeller as a first-order lag.
 
 use super::passage::{Passage, Readings, Rotates, Wanted};
-use super::{Interval, Model, OperatingCurve, OperatingPoint, PlantError, RotorBase, Segment};
+use super::{Interval, Lagged, Model, OperatingCurve, OperatingPoint, PlantError, RotorBase, Segment};
 
 /// The first-order plant `time_constant dy/dt = steady(u) - y` (paper, eq. (1)), propagated exactly.
 ///
@@ -13,18 +13,20 @@ use super::{Interval, Model, OperatingCurve, OperatingPoint, PlantError, RotorBa
 ///   identifies, and what small excitations (multisine, square wave, one step) are run on, so that an estimate
 ///   can be compared with the numbers of the model.
 /// - [`FirstOrder::over_range`] follows the level: steady response and time constant are those of the command of the
-///   moment. It is for records that move over a wide range (a staircase), where one linear model means nothing.
+///   moment, and where the static map says so it is the response's square root that lags. It is for records that move over a wide range (a staircase), where one linear model means nothing.
 ///
 /// The dead time of the model is not in here but in the chain before it, as a
 /// [`TransportDelay`](super::TransportDelay).
 #[derive(Clone, Debug)]
 pub struct FirstOrder {
     law: LagSchedule,
+    lagged: Lagged,
     /// The command that `target` belongs to, and the rate where it follows the level.
     command: f64,
+    /// What the lagged quantity goes to, and where it is.
     target: f64,
     rate_per_s: f64,
-    response: f64,
+    quantity: f64,
     kept: Decay,
 }
 
@@ -103,12 +105,12 @@ impl FirstOrder {
 
     fn at_rest(law: LagSchedule, command: f64) -> Self {
         let kept = Decay { exponent: 0.0, less_one: 0.0 };
-        let rate_per_s = match &law {
-            LagSchedule::Linear(point) => 1.0 / point.lag.time_constant_s,
-            LagSchedule::Level(_) => 0.0,
+        let (rate_per_s, lagged) = match &law {
+            LagSchedule::Linear(point) => (1.0 / point.lag.time_constant_s, Lagged::Response),
+            LagSchedule::Level(curve) => (0.0, curve.lagged()),
         };
         // No command is the one of the moment yet.
-        let mut plant = Self { law, command: f64::NAN, target: 0.0, rate_per_s, response: 0.0, kept };
+        let mut plant = Self { law, lagged, command: f64::NAN, target: 0.0, rate_per_s, quantity: 0.0, kept };
         plant.settle(command);
         plant
     }
@@ -116,47 +118,47 @@ impl FirstOrder {
     /// Puts the plant at rest: the command has been `command` for ever.
     pub fn settle(&mut self, command: f64) {
         self.set_command(command);
-        self.response = self.target;
+        self.quantity = self.target;
     }
 
     /// Lets `duration_s` (not negative) pass with a constant `command`.
     #[inline]
     pub fn advance(&mut self, command: f64, duration_s: f64) {
         self.set_command(command);
-        self.response = self.after(duration_s);
+        self.quantity = self.after(duration_s);
     }
 
-    /// The response that the command of the moment leads to in `duration_s`.
+    /// The lagged quantity that the command of the moment leads to in `duration_s`.
     #[inline]
     fn after(&mut self, duration_s: f64) -> f64 {
-        self.response - (self.target - self.response) * self.kept.over(duration_s * self.rate_per_s)
+        self.quantity - (self.target - self.quantity) * self.kept.over(duration_s * self.rate_per_s)
     }
 
     /// The same with a command that moves by `slope_per_s` from now on. Exact on the linear plant:
     /// `y(d) = steady(d) - m tau + (y(0) - steady(0) + m tau) e^(-d / tau)` with `m` the slope of the steady response.
     /// The plant that follows the level has no such solution; it takes the level at the middle of the duration.
     #[inline]
-    fn response_after_ramp(&mut self, slope_per_s: f64, duration_s: f64) -> f64 {
+    fn after_ramp(&mut self, slope_per_s: f64, duration_s: f64) -> f64 {
         match &self.law {
             LagSchedule::Linear(point) => {
                 let ramp = point.lag.gain * slope_per_s;
                 let begin = self.target - ramp * point.lag.time_constant_s;
-                let lagged = self.response - (begin - self.response) * self.kept.over(duration_s * self.rate_per_s);
+                let lagged = self.quantity - (begin - self.quantity) * self.kept.over(duration_s * self.rate_per_s);
                 lagged + ramp * duration_s
             }
             LagSchedule::Level(_) => {
                 let command = self.command;
                 self.set_command(command + 0.5 * slope_per_s * duration_s);
-                let response = self.after(duration_s);
+                let quantity = self.after(duration_s);
                 self.set_command(command);
-                response
+                quantity
             }
         }
     }
 
     /// How fast the response moves, per second.
     fn slope_per_s(&self) -> f64 {
-        (self.target - self.response) * self.rate_per_s
+        self.lagged.slope(self.quantity) * (self.target - self.quantity) * self.rate_per_s
     }
 
     /// Lets many pieces pass.
@@ -175,11 +177,11 @@ impl FirstOrder {
             while let Some(moment_s) = readings.before(piece.until_s) {
                 self.propagate(piece.slope_per_s, moment_s - now_s);
                 now_s = moment_s;
-                readings.take(self.response);
+                readings.take(self.response());
             }
             self.propagate(piece.slope_per_s, piece.until_s - now_s);
             now_s = piece.until_s;
-            readings.take_end(piece.until_s, self.response);
+            readings.take_end(piece.until_s, self.response());
         }
     }
 
@@ -187,9 +189,9 @@ impl FirstOrder {
     #[inline]
     fn propagate(&mut self, slope_per_s: f64, duration_s: f64) {
         if slope_per_s == 0.0 {
-            self.response = self.after(duration_s);
+            self.quantity = self.after(duration_s);
         } else {
-            self.response = self.response_after_ramp(slope_per_s, duration_s);
+            self.quantity = self.after_ramp(slope_per_s, duration_s);
             self.set_command(self.command + slope_per_s * duration_s);
         }
     }
@@ -207,13 +209,13 @@ impl FirstOrder {
     pub(super) fn equivalent_command(&self) -> f64 {
         match &self.law {
             LagSchedule::Linear(point) if point.lag.gain == 0.0 => self.command,
-            LagSchedule::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
+            LagSchedule::Linear(point) => point.nominal + (self.response() - point.response) / point.lag.gain,
             LagSchedule::Level(curve) => {
-                let (mut low, mut high) = (-1.0, 2.0);
+                let (response, mut low, mut high) = (self.response(), -1.0, 2.0);
                 // Derived: 50 halvings of commands from -1 to 2 leave `3 / 2^50`, 3e-15.
                 for _ in 0..50 {
                     let middle = 0.5 * (low + high);
-                    let below = curve.steady_response(middle) < self.response;
+                    let below = curve.steady_response(middle) < response;
                     if below { low = middle } else { high = middle }
                 }
                 0.5 * (low + high)
@@ -225,7 +227,7 @@ impl FirstOrder {
     #[inline]
     #[must_use]
     pub fn response(&self) -> f64 {
-        self.response
+        self.lagged.response(self.quantity)
     }
 
     #[inline]
@@ -240,7 +242,7 @@ impl FirstOrder {
             }
             LagSchedule::Level(curve) => {
                 let point = curve.clamped_at(command);
-                self.target = point.response;
+                self.target = self.lagged.at_response(point.response);
                 self.rate_per_s = 1.0 / point.lag.time_constant_s;
             }
         }
@@ -262,15 +264,16 @@ impl Rotates for FirstOrder {
 
     #[inline]
     fn advance(&mut self, _: &(), piece: Segment, (from_s, duration_s): (f64, f64)) -> Interval {
-        let (start, start_slope) = (self.response, self.slope_per_s());
+        let (start, start_slope) = (self.response(), self.slope_per_s());
         self.propagate(piece.slope_per_s, duration_s);
-        Interval { from_s, duration_s, start, start_slope, end: self.response, end_slope: self.slope_per_s() }
+        Interval { from_s, duration_s, start, start_slope, end: self.response(), end_slope: self.slope_per_s() }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::StaticMap;
     use crate::testing::{model, table_1};
 
     #[test]
@@ -335,6 +338,24 @@ mod tests {
         plant.advance(0.5, 0.125);
         // Half way: the gain's integral is 0.25 (8 + 16) / 2 = 3, and the time constant 0.125 s.
         assert!((plant.response() - (3.0 + (up - 3.0) * (-1.0_f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_lag_of_the_square_root_is_squared() {
+        let mut thrust = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.2, 0.0)]);
+        let map = StaticMap {
+            command: vec![0.25, 0.5, 0.75],
+            response: vec![1.0, 4.0, 9.0],
+            lagged: Lagged::SquareRoot,
+            polynomial: None,
+        };
+        thrust.static_map = Some(map);
+        let mut plant = FirstOrder::over_range(&thrust, 0.75).unwrap();
+        assert_eq!(plant.response(), 9.0);
+        plant.advance(0.25, 0.1);
+        let speed = 1.0 + 2.0 * (-0.5_f64).exp();
+        assert!((plant.response() - speed * speed).abs() < 1e-12);
+        assert!((plant.slope_per_s() + 2.0 * speed * (speed - 1.0) / 0.2).abs() < 1e-12);
     }
 
     #[test]

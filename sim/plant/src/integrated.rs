@@ -3,7 +3,7 @@
 use super::filter::MEMORY_TIME_CONSTANTS;
 use super::passage::{Passage, Readings, Rotates, Wanted};
 use super::rotor::{Motion, RotorEffect, Supply};
-use super::{Interval, Memory, PlantError, RotorBase, Segment};
+use super::{Interval, Lagged, Memory, PlantError, RotorBase, Segment};
 
 /// A step is at most this part of the time constant of its moment. Derived: the classical Runge-Kutta method then errs by less than `0.1^5
 /// / 120`, 1e-7 of the way to the steady response, per step.
@@ -35,7 +35,7 @@ type Own = [f64; MOST_TERMS];
 struct IntegratedState {
     /// Speed, as a command.
     speed: f64,
-    /// Lagged response.
+    /// Lagged response, or what of it lags ([`Lagged`]).
     response: f64,
     /// The states of the effects.
     own: Own,
@@ -322,7 +322,12 @@ impl RotorState {
         let Slopes { of, rate_per_s } = begin;
         let gain = self.base.at(piece.level).lag.gain.abs();
         let own = of.own.iter().fold(0.0_f64, |most, slope| most.max(slope.abs()));
-        let left = of.speed.abs().max(of.response.abs() / gain.max(f64::MIN_POSITIVE)).max(own) / rate_per_s;
+        let left = of
+            .speed
+            .abs()
+            .max((self.lagged().slope(self.state.response) * of.response).abs() / gain.max(f64::MIN_POSITIVE))
+            .max(own)
+            / rate_per_s;
         // What is not a number is far from settled.
         if left < SETTLED { (self.step_part * (SETTLED / left).powf(0.2)).min(SETTLED_PART) } else { self.step_part }
     }
@@ -397,8 +402,17 @@ impl RotorState {
             RotorBase::Linear(point) => point.response + point.lag.gain * (deviation + bent),
             RotorBase::Level(curve) | RotorBase::Speed(curve) => {
                 let point = curve.clamped_at(motion.drive);
-                point.response + point.lag.gain * bent
+                self.lagged().at_response(point.response + point.lag.gain * bent)
             }
+        }
+    }
+
+    /// What lags: one that follows the speed takes its response from that.
+    #[inline(always)]
+    fn lagged(&self) -> Lagged {
+        match &self.base {
+            RotorBase::Level(curve) => curve.lagged(),
+            RotorBase::Linear(_) | RotorBase::Speed(_) => Lagged::Response,
         }
     }
 
@@ -421,7 +435,9 @@ impl RotorState {
                 curve.steady_response(speed),
                 terms.input_nonlinearity(deviation) + terms.output_nonlinearity(deviation),
             ),
-            RotorBase::Linear(_) | RotorBase::Level(_) => (response, terms.output_nonlinearity(deviation)),
+            RotorBase::Linear(_) | RotorBase::Level(_) => {
+                (self.lagged().response(response), terms.output_nonlinearity(deviation))
+            }
         };
         if bent == 0.0 { response } else { response + self.base.at(speed).lag.gain * bent }
     }
@@ -441,7 +457,8 @@ impl RotorState {
         if is_of_speed {
             return self.base.at(speed).lag.gain * (1.0 + bent) * slopes.speed;
         }
-        if bent == 0.0 { slopes.response } else { slopes.response + self.base.at(speed).lag.gain * bent * slopes.speed }
+        let response = self.lagged().slope(self.state.response) * slopes.response;
+        if bent == 0.0 { response } else { response + self.base.at(speed).lag.gain * bent * slopes.speed }
     }
 }
 

@@ -50,7 +50,9 @@ pub use first_order::FirstOrder;
 pub use hold::frames_per_pattern;
 pub use hold::{hold_delay_s, hold_response, hold_response_at_phase};
 pub use judgement::{Judgement, Readiness};
-pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap, TimeConstantBand};
+pub use model::{
+    Effect, Lag, Lagged, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap, TimeConstantBand,
+};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
 pub use rotor::{Motion, RotorBase, RotorEffect, Supply};

@@ -97,9 +97,60 @@ pub struct StaticMap {
     pub command: Vec<f64>,
     /// Steady responses, newtons or revolutions per minute.
     pub response: Vec<f64>,
+    /// What goes from level to level as a first-order lag.
+    #[serde(default, skip_serializing_if = "Lagged::is_response")]
+    pub lagged: Lagged,
     /// The polynomial through them with what goes with it, where it was fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polynomial: Option<MapPolynomial>,
+}
+
+/// What a first-order lag acts on between levels. Small motions have the same time constant either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lagged {
+    /// The response itself.
+    #[default]
+    Response,
+    /// Its square root: the response is a thrust, the square of the speed that lags (Leishman, Principles of Helicopter Aerodynamics,
+    /// ch. 2). Below zero it is minus the root of the size, so that an offset has a level too.
+    SquareRoot,
+}
+
+impl Lagged {
+    /// The quantity at a response, which has the response's units or their square root.
+    #[inline]
+    #[must_use]
+    pub fn at_response(self, response: f64) -> f64 {
+        match self {
+            Self::Response => response,
+            Self::SquareRoot => response.abs().sqrt().copysign(response),
+        }
+    }
+
+    /// The response at such a quantity.
+    #[inline]
+    #[must_use]
+    pub fn response(self, quantity: f64) -> f64 {
+        match self {
+            Self::Response => quantity,
+            Self::SquareRoot => quantity * quantity.abs(),
+        }
+    }
+
+    /// By how much the response changes with the quantity.
+    #[inline]
+    #[must_use]
+    pub fn slope(self, quantity: f64) -> f64 {
+        match self {
+            Self::Response => 1.0,
+            Self::SquareRoot => 2.0 * quantity.abs(),
+        }
+    }
+
+    fn is_response(&self) -> bool {
+        *self == Self::Response
+    }
 }
 
 /// A static map as a polynomial in the command, with dead zone, hysteresis and limit. For people and for linearizing a

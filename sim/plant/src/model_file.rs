@@ -67,7 +67,7 @@ mod tests {
     use super::*;
     use crate::actuator::{Actuator, EscTiming, Law};
     use crate::effect::{ActiveEffect, Catalog, Parameter};
-    use crate::model::{Effect, Point, Provenance, StaticMap};
+    use crate::model::{Effect, Lagged, Point, Provenance, StaticMap};
 
     const MODEL: &str = r#"format = 1
 [[point]]
@@ -291,6 +291,7 @@ command_rate_hz = 5000
                 static_map: response.map(|response| StaticMap {
                     command: vec![first, 1.0],
                     response: response.to_vec(),
+                    lagged: Lagged::Response,
                     polynomial: None,
                 }),
                 effects: vec![Effect { kind: kind.id.to_owned(), parameters, std }],

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-use super::{Lag, Model, PlantError, Point, StaticMap};
+use super::{Lag, Lagged, Model, PlantError, Point, StaticMap};
 
 /// The linear model around one command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +103,16 @@ impl OperatingCurve {
             Static::Integral(up_to) => up_to,
         };
         responses.iter_mut().for_each(|response| *response *= gain);
+    }
+
+    /// What the lag acts on where the level is followed.
+    #[must_use]
+    pub fn lagged(&self) -> Lagged {
+        match &self.statics {
+            Static::Map(map) => map.lagged,
+            // Its zero is none of the response's.
+            Static::Integral(_) => Lagged::Response,
+        }
     }
 
     /// The commands from the first point to the last.
@@ -212,6 +222,7 @@ mod tests {
         with_map.static_map = Some(StaticMap {
             command: vec![0.0, 0.25, 0.5, 0.75],
             response: vec![0.0, 1.0, 4.0, 9.0],
+            lagged: Lagged::Response,
             polynomial: None,
         });
         let curve = OperatingCurve::new(&with_map).unwrap();

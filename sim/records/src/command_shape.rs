@@ -84,7 +84,10 @@ fn is_ramp(time_s: &[f64], command: &[f64]) -> bool {
     }
     let at = |point: usize| {
         let at_s = first_s + (last_s - first_s) * point as f64 / POINTS as f64;
-        command[time_s.partition_point(|time| *time <= at_s).saturating_sub(1)]
+        // Between two rows, since a short ramp has but a few of them from point to point.
+        let next = time_s.partition_point(|time| *time <= at_s).clamp(1, command.len() - 1);
+        let share = (at_s - time_s[next - 1]) / (time_s[next] - time_s[next - 1]);
+        command[next - 1] + share * (command[next] - command[next - 1])
     };
     let speeds: Vec<f64> = (0..POINTS).map(|point| at(point + 1) - at(point)).filter(|speed| *speed != 0.0).collect();
     let Some(usual) = median(speeds.iter().map(|speed| speed.abs())) else { return false };
@@ -143,6 +146,11 @@ mod tests {
     fn ramps_are_told_from_sines_and_staircases() {
         for lasts_s in [20.0, 9.0] {
             assert_eq!(shape(|time| 0.2 + 0.6 * (time / lasts_s).min(1.0)), Some(CommandShape::Ramp), "{lasts_s}");
+        }
+        for rows in [150, 350, 750] {
+            let (time_s, command): (Vec<f64>, Vec<f64>) =
+                (0..rows).map(|row| (ROW_S * f64::from(row), 0.2 + 8e-4 * f64::from(row))).unzip();
+            assert_eq!(CommandShape::from_command(&time_s, &command), Some(CommandShape::Ramp), "{rows}");
         }
         // Up and down, and by whole microseconds of a pulse width.
         assert_eq!(shape(|time| 0.2 + 0.6 * (1.0 - (time / 10.0 - 1.0).abs())), Some(CommandShape::Ramp));

@@ -7,7 +7,7 @@ mod stand;
 use rotorlead_assess::{AssessmentContext, assess};
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose};
 use rotorlead_identify::identification::{Identification, IdentifyOptions, identify};
-use rotorlead_plant::{Catalog, Judgement, Readiness};
+use rotorlead_plant::{Catalog, Judgement, Point, Readiness};
 use rotorlead_records::Experiment;
 use stand::{EQUAL_STEPS, Stand, case};
 
@@ -46,6 +46,12 @@ fn assert_square(log: &Experiment, tau_s: f64) {
         .map(|way| way.and_then(|way| way.split(" ms").next()?.parse::<f64>().ok()));
     assert!(said.contains("the square of a speed") && !said.contains("drag"), "{said}");
     assert!(ways.iter().all(|way| way.is_some_and(|ms| (ms / 1e3 / tau_s - 1.0).abs() < 0.03)), "{said}");
+    // What is identified is that speed's lag too, and leaves no more than noise.
+    let identified = identified(log);
+    let near = |point: &Point| (point.time_constant_s - tau_s).abs() < 3.0 * point.time_constant_s_std.unwrap();
+    assert!(identified.model.points.iter().all(near), "{:?}", identified.model.points);
+    let judgement = judged(log);
+    assert!(!judgement.limits.iter().any(|limit| limit.contains("misses")), "{judgement:?}");
 }
 
 #[test]

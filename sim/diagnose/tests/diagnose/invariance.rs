@@ -7,7 +7,7 @@ use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::estimate::Estimate;
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::effect::Parameter;
-use rotorlead_plant::{Color, Model, Noise, StaticMap};
+use rotorlead_plant::{Color, Lagged, Model, Noise, StaticMap};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use crate::two_levels::{diagnosed, motor};
@@ -77,7 +77,12 @@ fn measured(model: &Model, plan: Plan, rate_hz: u32, noise: Noise) -> Experiment
 fn along_a_line(mut model: Model) -> Model {
     model.points.remove(0);
     let gain = model.points[0].gain;
-    model.static_map = Some(StaticMap { command: vec![0.0, 1.0], response: vec![-1.0, gain - 1.0], polynomial: None });
+    model.static_map = Some(StaticMap {
+        command: vec![0.0, 1.0],
+        response: vec![-1.0, gain - 1.0],
+        lagged: Lagged::Response,
+        polynomial: None,
+    });
     model
 }
 

@@ -8,7 +8,8 @@ use rotorlead_diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdic
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_plant::effect::Kind;
 use rotorlead_plant::{
-    Actuator, Catalog, CommandSignal, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,
+    Actuator, Catalog, CommandSignal, Effect, EscTiming, Lag, Lagged, Law, Model, Point, Start, StaticMap, Trace,
+    simulate,
 };
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
@@ -25,7 +26,12 @@ fn motor(effects: &[(&str, &[(&str, f64)])]) -> Model {
     Model {
         format: 1,
         points: vec![Point::new(NOMINAL, lag)],
-        static_map: Some(StaticMap { command: vec![0.0, 1.0], response: vec![-1.0, 11.0], polynomial: None }),
+        static_map: Some(StaticMap {
+            command: vec![0.0, 1.0],
+            response: vec![-1.0, 11.0],
+            lagged: Lagged::Response,
+            polynomial: None,
+        }),
         time_constant_curve: None,
         effects: effects.iter().map(effect).collect(),
         provenance: None,

@@ -17,13 +17,13 @@
 //!   which the motor stands still and the lowest at which it runs. A motor that starts with a jump has a polynomial that
 //!   crosses elsewhere; its dead zone is only bracketed by the two.
 //! - *Hysteresis*: the width in command between levels reached from below and from above. A motor that warms up
-//!   along the record looks alike; a second pass upwards tells the two apart. On a ramp it contains twice the lag times
-//!   the ramp's rate.
+//!   along the record looks alike; a second pass upwards tells the two apart. On a ramp a lag looks alike too (`ramp`).
 //! - *Limit*: the command beyond which the response rises no more; or falls, which is named apart since no inverse has it.
 
 pub(crate) mod error;
 mod lack_of_fit;
 mod points;
+mod ramp;
 mod shape;
 
 use std::fmt;
@@ -150,8 +150,11 @@ pub enum MapLimit {
 /// What a reader of a static map has to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StaticMapWarning {
-    /// The points are a ramp's and the lag is not taken off.
-    RampLag,
+    /// The points are a ramp's, and its lag is not known.
+    RampLag {
+        /// Whether it goes up and down.
+        both_ways: bool,
+    },
     /// Visits of the same level differ by more than the points' own scatter, and so the fit leaves more than that.
     Excess {
         /// How much more it leaves.
@@ -176,9 +179,13 @@ pub enum StaticMapWarning {
 impl fmt::Display for StaticMapWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::RampLag => write!(
-                f,
-                "the static map is from a ramp: its hysteresis contains twice the lag times the ramp's rate. Use plateaus, or ramp slower"
+            Self::RampLag { both_ways: true } => f.write_str(
+                "the static map is from a ramp, which the response trails by a lag that is not known: commands are moved until both ways \
+                 agree, so that it shows no hysteresis. Play a staircase for that",
+            ),
+            Self::RampLag { both_ways: false } => f.write_str(
+                "the static map is from a ramp that goes one way: its commands are off by the ramp's rate times the motor's lag, which is \
+                 not known. Ramp up and down, or play a staircase",
             ),
             Self::Excess { times } => write!(
                 f,
@@ -229,7 +236,9 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     let std = pooled_std(&points);
     let seen = |direction| points.iter().filter(|p| p.direction == direction).count();
     // The first level of all counts as reached from below, so one more is needed there.
-    let hysteresis = seen(Direction::Up) >= 2 && seen(Direction::Down) >= 1;
+    let both_ways = seen(Direction::Up) >= 2 && seen(Direction::Down) >= 1;
+    let of_unknown_lag = steady.source == SteadySource::RampOfUnknownLag;
+    let hysteresis = both_ways && !of_unknown_lag;
     let terms = |degree, limit| MapTerms {
         degree,
         hysteresis,
@@ -256,8 +265,7 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     let excess = |shape: &MapTerms, solution: &Solution| {
         (solution.sum_of_squares / (points.len() - shape.parameter_count()) as f64).sqrt()
     };
-    // A bin of a ramp is met again at another command within it.
-    let same = if steady.source == SteadySource::Ramp { 0.5 * points::bin_width(low, high) } else { SAME_LEVEL };
+    let same = steady.same_level();
     let visits = lack_of_fit::excess_between_visits(&shape, &solution.parameters, (&points, &std), same);
     let drifts = visits.is_some_and(|visits| visits > MOST_EXCESS);
     if steady.source != SteadySource::Averages
@@ -280,7 +288,7 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
         excess: variance.sqrt(),
         degree_by,
         points: points.len(),
-        warnings: Vec::new(),
+        warnings: Vec::from_iter(of_unknown_lag.then_some(StaticMapWarning::RampLag { both_ways })),
         shape,
         covariance: unit * variance,
         parameters: solution.parameters,
@@ -457,9 +465,6 @@ impl StaticMapFit {
             let runs = self.range.0;
             DeadZone { still, runs, end: self.zero_crossing().filter(|end| consistent(*end, still, runs)) }
         });
-        if steady.source == SteadySource::Ramp && self.hysteresis.is_some() {
-            self.warnings.push(StaticMapWarning::RampLag);
-        }
         if let Some(command) = self.first_not_rising() {
             self.warnings.push(StaticMapWarning::NotRising { command });
         }

@@ -279,15 +279,57 @@ fn a_ramp_is_as_good_as_a_staircase_when_its_lag_is_known() {
     }
     let ramp = shell(time_s, command, thrust, Excitation::Free);
     let fit = from_record(&ramp, Some(lag_s));
-    assert!(fit.warnings.contains(&StaticMapWarning::RampLag));
+    assert!(fit.warnings.is_empty(), "{:?}", fit.warnings);
     let width = fit.hysteresis.unwrap();
     assert!(width.value.abs() < 4.0 * width.std + 0.01 * rate, "{width:?}");
     for u in [0.2, 0.5, 0.8] {
         let error = (fit.response(u).value / truth.at(u, None) - 1.0).abs();
         assert!(error < 0.01, "{u} {error}");
     }
-    let blind = from_record(&ramp, None).hysteresis.unwrap();
-    assert!((blind.value - 2.0 * rate * lag_s).abs() < 0.2 * 2.0 * rate * lag_s, "{blind:?}");
+    let blind = from_record(&ramp, None);
+    assert!(blind.hysteresis.is_none() && blind.warnings == [StaticMapWarning::RampLag { both_ways: true }]);
+}
+
+/// Without its lag a ramp has neither a hysteresis nor a limit, whatever its rate, and the map in the middle of both ways.
+#[test]
+fn a_ramp_of_unknown_lag_gives_the_map_and_no_hysteresis_nor_limit() {
+    let truth = Truth { width: 0.0, ..QUADRATIC };
+    for (case, (rate, lag_s, row_s, resolution)) in
+        [(0.1, 0.06, 0.01, 0.0), (0.3, 0.06, 0.005, 0.0), (0.05, 0.15, 0.005, 1e-3), (0.2, 0.03, 0.004, 0.0)]
+            .into_iter()
+            .enumerate()
+    {
+        let mut rng = ChaCha8Rng::seed_from_u64(case as u64);
+        let rises_s = 0.6 / rate;
+        let ramp = |t: f64| 0.25 + rate * (rises_s - (t - rises_s).abs());
+        let (mut time_s, mut command, mut thrust) = (Vec::new(), Vec::new(), Vec::new());
+        let mut y = truth.at(ramp(0.0), None);
+        for row in 0..(2.0 * rises_s / row_s) as usize {
+            let t = row as f64 * row_s;
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            time_s.push(t);
+            command.push(if resolution > 0.0 { (ramp(t) / resolution).round() * resolution } else { ramp(t) });
+            thrust.push(y + 0.02 * noise);
+            for part in 0..10 {
+                y += (truth.at(ramp(t + 0.1 * row_s * f64::from(part)), None) - y)
+                    * (1.0 - f64::exp(-0.1 * row_s / lag_s));
+            }
+        }
+        let record = shell(time_s, command, thrust, Excitation::Steady);
+        let fit = from_record(&record, None);
+        assert!(fit.hysteresis.is_none() && fit.limit.is_none(), "{case}: {:?} {:?}", fit.hysteresis, fit.limit);
+        assert_eq!(fit.warnings, [StaticMapWarning::RampLag { both_ways: true }], "{case}");
+        for u in [0.3, 0.5, 0.8] {
+            let error = fit.response(u).value / truth.at(u, None) - 1.0;
+            assert!(error.abs() < 0.005, "{case}, {u}: {error}");
+        }
+        let way_up = record.time_s.partition_point(|t| *t < rises_s);
+        let cut = |column: &[f64]| column[..way_up].to_vec();
+        let thrust_n = cut(record.thrust_n.as_deref().unwrap());
+        let up = shell(cut(&record.time_s), cut(&record.command), thrust_n, Excitation::Steady);
+        let fit = from_record(&up, None);
+        assert!(fit.warnings.contains(&StaticMapWarning::RampLag { both_ways: false }), "{case}: {:?}", fit.warnings);
+    }
 }
 
 #[test]

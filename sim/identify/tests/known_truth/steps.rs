@@ -8,13 +8,14 @@ use rotorlead_identify::lag::steps::{Direction, StaircaseFit, StepsError, StepsW
 use rotorlead_records::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
-struct Motor {
+pub(super) struct Motor {
     delay_s: f64,
     up: fn(f64) -> f64,
     down: fn(f64) -> f64,
 }
 
-const MOTOR: Motor = Motor { delay_s: 0.0263, up: |u| 0.080 - 0.060 * u, down: |u| 1.4 * (0.080 - 0.060 * u) };
+pub(super) const MOTOR: Motor =
+    Motor { delay_s: 0.0263, up: |u| 0.080 - 0.060 * u, down: |u| 1.4 * (0.080 - 0.060 * u) };
 
 fn map(u: f64) -> f64 {
     2000.0 + 22000.0 * u - 8000.0 * u * u
@@ -26,7 +27,7 @@ const PLATEAUS: [f64; 21] = [
     0.90, 0.50,
 ];
 
-struct Bench {
+pub(super) struct Bench {
     noise_std: f64,
     /// Correlation of the noise from row to row.
     color: f64,
@@ -36,14 +37,14 @@ struct Bench {
     interval_s: f64,
 }
 
-const BENCH: Bench = Bench { noise_std: 25.0, color: 0.0, late_s: 0.0, interval_s: 0.007 };
+pub(super) const BENCH: Bench = Bench { noise_std: 25.0, color: 0.0, late_s: 0.0, interval_s: 0.007 };
 
 /// Simulates in exact steps from event to event; it shares no code with the fit.
 fn staircase(motor: &Motor, bench: &Bench, seed: u64) -> Record {
     staircase_through(&PLATEAUS, motor, bench, seed)
 }
 
-fn staircase_through(plateaus: &[f64], motor: &Motor, bench: &Bench, seed: u64) -> Record {
+pub(super) fn staircase_through(plateaus: &[f64], motor: &Motor, bench: &Bench, seed: u64) -> Record {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, bench.noise_std).unwrap();
     let mut time_s = vec![0.0];
@@ -104,7 +105,7 @@ fn record(time_s: Vec<f64>, command: Vec<f64>, rpm: Vec<f64>) -> Record {
     }
 }
 
-fn fitted(record: &Record) -> StaircaseFit {
+pub(super) fn fitted(record: &Record) -> StaircaseFit {
     fit_staircase(record, Output::Rpm, None).unwrap()
 }
 

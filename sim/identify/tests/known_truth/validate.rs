@@ -6,7 +6,7 @@ use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::validate::{Comparison, Domain, RecordValidation, table_2, validate};
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
-use rotorlead_plant::{Color, Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
+use rotorlead_plant::{Color, Effect, Lag, Lagged, Model, Noise, Point, Provenance, StaticMap, hold_response};
 use rotorlead_records::{Excitation, Experiment, Output, Role};
 
 /// Noise of the stand, newtons.
@@ -25,6 +25,7 @@ fn motor() -> Model {
         static_map: Some(StaticMap {
             command: vec![0.2, 0.4, 0.6, 0.8],
             response: vec![0.6, 2.4, 4.8, 7.9],
+            lagged: Lagged::Response,
             polynomial: None,
         }),
         effects: Vec::new(),

@@ -2,7 +2,7 @@
 
 use rotorlead_answer::{Audience, ColumnSpec, Table, Unit, build_table};
 use rotorlead_identify::estimate::Estimate;
-use rotorlead_identify::static_map::{MapLimit, StaticMapFit};
+use rotorlead_identify::static_map::{MapLimit, StaticMapFit, StaticMapWarning};
 use rotorlead_records::Output;
 
 use crate::unit::unit;
@@ -63,6 +63,9 @@ fn notes(fit: &StaticMapFit, output: Output) -> Vec<String> {
     let hysteresis = match fit.hysteresis {
         Some(width) => {
             format!("hysteresis {} of command between levels from below and from above", interval(width, 4))
+        }
+        None if fit.warnings.contains(&StaticMapWarning::RampLag { both_ways: true }) => {
+            "hysteresis not known: on a ramp the motor's lag looks alike".to_owned()
         }
         None => "hysteresis not seen: levels were reached from one side only".to_owned(),
     };

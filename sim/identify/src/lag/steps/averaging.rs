@@ -99,7 +99,7 @@ pub(super) fn fit(
     let Some(readings) = &runs[0].readings else { return momentary.map(|(lag, steps)| (lag, steps, None)) };
     let mean = with(readings.interval_s);
     let averaging = match (&momentary, &mean) {
-        (Ok((momentary, _)), Ok((mean, _))) => match gain_of_mean(momentary, mean) {
+        (Ok((momentary, _)), Ok((mean, _))) => match momentary.first_chi_square.gain_of(mean.first_chi_square) {
             gain if gain > DECIDES => Averaging::Mean,
             gain if gain < -DECIDES => Averaging::Momentary,
             _ if mean.delay_s.value < -BEFORE_COMMAND * mean.delay_s.std => Averaging::Momentary,
@@ -112,13 +112,6 @@ pub(super) fn fit(
     let (lag, steps) = if averaging.is_mean() { mean } else { momentary }?;
     let (rows_per_reading, interval_s) = (readings.rows_per_reading, readings.interval_s);
     Ok((lag, steps, Some(AveragedReadings { rows_per_reading, interval_s, averaging })))
-}
-
-/// Twice the logarithm of the likelihood ratio of a mean to a momentary value.
-fn gain_of_mean(momentary: &LagFit, mean: &LagFit) -> f64 {
-    let ((left, rows), (mean_left, _)) = (momentary.chi_square, mean.chi_square);
-    // In units of what the better of the two leaves, where that is more than the noise.
-    (left - mean_left) / (left.min(mean_left) / rows.max(1) as f64).max(1.0)
 }
 
 /// Whether the readings on settled levels are those of a counter that gives multiples of `step`.

@@ -30,9 +30,10 @@ use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_numerics::sample::{median, variance};
 
 use nalgebra::DMatrix;
+use rotorlead_plant::Lagged;
 
 use super::plateaus::Plateau;
-use super::problem::{CURVATURE, DELAY, Evaluation, Linearization, PER_STEP, StepProblem, Window};
+use super::problem::{CURVATURE, DELAY, Evaluation, Linearization, PER_STEP, StepLaw, StepProblem, Window};
 use super::step::{Step, StepFault, StepLag};
 use super::uncertainty::{correlated, correlation};
 use super::{Run, StepsError};
@@ -59,10 +60,14 @@ const LEAST_CHANGE_STD_S: f64 = 1e-4;
 const CURVATURES: (f64, f64) = (0.0, 0.7);
 /// Its Gaussian prior, mean and standard deviation. Derived: the mean is the middle of a motor's 0 to 0.5. Chosen: twice that, which hardly
 /// holds it; a narrower one decides where the steps do not.
-const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
-/// Standard deviation by which it is held to an end of its range. Chosen: far below the 0.1 that is reported, and far above what would
+pub(super) const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
+/// From here on it is one. Chosen: it changes the middle of the largest step by 2 %, `0.5 / (1 + 0.5 k)` in place of 0.5.
+const LEAST_CURVATURE: f64 = 0.1;
+/// Standard deviation by which it is held to an end of its range. Chosen: far below [`LEAST_CURVATURE`], and far above what would
 /// cost the normal equations digits.
 const CURVATURE_HELD_STD: f64 = 1e-4;
+/// The curvature of a first-order lag, held so.
+pub(super) const FIRST_ORDER: (f64, f64) = (0.0, CURVATURE_HELD_STD);
 /// A reading that is exactly the one before, where the response has moved by more than this many times its noise, was not
 /// taken anew. Chosen: noise would have to make up for three standard deviations of motion to the last digit.
 const MOVED: f64 = 3.0;
@@ -71,16 +76,41 @@ const MOVED: f64 = 3.0;
 pub(super) struct LagFit {
     pub(super) delay_s: Estimate,
     pub(super) curvature: Estimate,
-    /// Curvature per unit of response and second of time constant: the bend over the time constant.
+    pub(super) lagged: Lagged,
+    /// [`StepLaw::bend_per_s`] of it.
     pub(super) bend_per_s: f64,
     /// Standard deviation of the onsets, seconds.
     pub(super) onset_std_s: f64,
     /// Standard deviation of time stamps, seconds.
     pub(super) stamp_std_s: f64,
-    /// What the first pass leaves, in units of the noise of settled rows, and of how many rows.
-    pub(super) chi_square: (f64, usize),
+    /// What the first pass leaves, and what the fit does.
+    pub(super) first_chi_square: ChiSquare,
+    pub(super) chi_square: ChiSquare,
     /// Covariance of the logarithms of the time constants of the steps that have a lag, in their order.
     pub(super) covariance: DMatrix<f64>,
+}
+
+impl LagFit {
+    /// Whether large steps are known not to be those of a first-order lag, with this probability. At an end of its range a curvature is held
+    /// there.
+    pub(super) fn is_curved(&self, probability: f64) -> bool {
+        self.curvature.value > LEAST_CURVATURE && self.curvature.interval(probability).0 > 0.0
+    }
+}
+
+/// A sum of squares in units of the noise of settled rows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChiSquare {
+    sum: f64,
+    rows: usize,
+}
+
+impl ChiSquare {
+    /// Twice the logarithm of the likelihood ratio of another fit of the same rows to this one, in units of what the better of the two
+    /// leaves, where that is more than the noise.
+    pub(super) fn gain_of(self, other: Self) -> f64 {
+        (self.sum - other.sum) / (self.sum.min(other.sum) / self.rows.max(1) as f64).max(1.0)
+    }
 }
 
 /// The rows of a record.
@@ -93,6 +123,9 @@ pub(super) struct StepRows<'a> {
     pub(super) without_reading: &'a [bool],
     /// Over how long each reading is the mean, seconds; 0 for a momentary value.
     pub(super) mean_s: f64,
+    /// What is taken to lag, and what is known of its curvature beforehand: mean and standard deviation.
+    pub(super) lagged: Lagged,
+    pub(super) curvature: (f64, f64),
     /// Standard deviation of the moments of the command's own stamps, seconds, where it has them.
     pub(super) change_std_s: Option<f64>,
 }
@@ -117,8 +150,8 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     let change_std_s = data.change_std_s.map_or(row_s / 12.0_f64.sqrt(), |std_s| std_s.max(LEAST_CHANGE_STD_S));
     let least_onset_std_s = change_std_s.hypot(frame_s / 12.0_f64.sqrt());
     let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
-    let usual_s = rise_s;
-    let reference = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let highest = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
+    let law = StepLaw { lagged: data.lagged, reference: data.lagged.at_response(highest), usual_s: rise_s };
     let quantum = quantum(data, runs);
     let after_gaps = rows_after_gaps(data.time_s);
     let mut windows: Vec<Window> =
@@ -131,24 +164,21 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|steps| {
-            first_pass(
-                &StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
-                rise_s,
-            )
+            first_pass(&StepProblem { steps, onset_std_s: first_onset_std_s, curvature: data.curvature, law }, rise_s)
         })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
-        let problem =
-            StepProblem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
+        let problem = StepProblem { steps, onset_std_s: first_onset_std_s, curvature: data.curvature, law };
         (onset_variance(&problem, rough), steps.len() as f64)
     });
     let (sum, count) =
         of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
     let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
     let left: f64 = rough.iter().flat_map(|fitted| fitted.at.residuals.iter().flatten()).map(|r| r * r).sum();
-    let chi_square = (left, windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count());
-    let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
+    let rows = windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count();
+    let first_chi_square = ChiSquare { sum: left, rows };
+    let stamp_std_s = weigh(&mut windows, batches, &rough, law, row_s);
 
     let curvature = {
         let of_batches: Vec<f64> = rough.iter().map(|fitted| fitted.at.parameters[CURVATURE]).collect();
@@ -156,7 +186,7 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         match median(of_batches) {
             Some(beyond) if beyond < least => (least, CURVATURE_HELD_STD),
             Some(beyond) if beyond > most => (most, CURVATURE_HELD_STD),
-            _ => CURVATURE_KNOWN,
+            _ => data.curvature,
         }
     };
     let fits: Vec<Fitted> = windows
@@ -165,31 +195,29 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|(steps, rough)| {
-            Fitted::from(
-                &StepProblem { steps, onset_std_s, curvature, reference, usual_s },
-                rough.at.parameters,
-                LIMITS,
-            )
+            Fitted::from(&StepProblem { steps, onset_std_s, curvature, law }, rough.at.parameters, LIMITS)
         })
         .map(|fitted| fitted.filter(|fitted| fitted.converged))
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: LIMITS.iterations })?;
     let correlation = correlation(data.y, plateaus());
+    let residuals = fits.iter().flat_map(|fitted| &fitted.at.residuals);
+    let left = windows.iter().zip(residuals).map(|(window, r)| window.excess * r.iter().map(|r| r * r).sum::<f64>());
+    let chi_square = ChiSquare { sum: left.sum(), rows };
     let mut result = LagFit {
         delay_s: Estimate::normal(0.0, 0.0),
         curvature: Estimate::normal(0.0, 0.0),
+        lagged: law.lagged,
         bend_per_s: 0.0,
         onset_std_s,
         stamp_std_s,
+        first_chi_square,
         chi_square,
         covariance: DMatrix::zeros(windows.len(), windows.len()),
     };
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
-    for (batch, (problem, fitted)) in windows
-        .chunks(batches)
-        .map(|steps| StepProblem { steps, onset_std_s, curvature, reference, usual_s })
-        .zip(&fits)
-        .enumerate()
+    for (batch, (problem, fitted)) in
+        windows.chunks(batches).map(|steps| StepProblem { steps, onset_std_s, curvature, law }).zip(&fits).enumerate()
     {
         let covariance = fitted.covariance(&problem, &correlation);
         let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
@@ -211,16 +239,17 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
                 after: window.after * p[StepProblem::level_index(i)],
                 before: window.before * p[StepProblem::level_before_index(i)],
                 fit_percent: percent(window, &problem, i, p),
-                bend: p[CURVATURE] / reference / usual_s * tau_s,
+                bend: law.bend_per_s(p[CURVATURE]) * tau_s,
+                lagged: law.lagged,
                 mean_s: data.mean_s,
             });
         }
     }
     result.delay_s = pooled(&delays);
     let curvature = pooled(&curvatures);
-    result.bend_per_s = curvature.value / reference / usual_s;
+    result.bend_per_s = law.bend_per_s(curvature.value);
     let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
-    let scale = median(taus).unwrap_or(usual_s) / usual_s;
+    let scale = median(taus).unwrap_or(law.usual_s) / law.usual_s;
     result.curvature = Estimate::normal(scale * curvature.value, scale * curvature.std);
     Ok(result)
 }
@@ -359,6 +388,7 @@ fn window<'p>(
         weight: step.window.clone().map(|row| if says(row) { 1.0 / noise } else { 0.0 }).collect(),
         mean_s: data.mean_s,
         stamp_variance: vec![0.0; step.window.len()],
+        excess: 1.0,
     }
 }
 
@@ -377,15 +407,13 @@ fn onset_variance(problem: &StepProblem<'_>, rough: &Fitted) -> f64 {
 }
 
 /// Gives each row the standard deviation that a first fit suggests; the standard deviation of stamps.
-fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f64), row_s: f64) -> f64 {
-    let (reference, usual_s) = units;
+fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], law: StepLaw, row_s: f64) -> f64 {
     let (mut excess, mut scale) = (0.0, 0.0);
     let mut slopes = Vec::with_capacity(windows.len());
     for (steps, fitted) in windows.chunks_mut(batch).zip(rough) {
         let unit = scaled_inverse(&fitted.linearization.matrix, 0.0);
         let own: Vec<Vec<f64>> = {
-            let problem =
-                StepProblem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
+            let problem = StepProblem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, law };
             (0..steps.len()).map(|k| problem.slope(k, &fitted.at.parameters, row_s)).collect()
         };
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {
@@ -427,6 +455,7 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
         // What the fit leaves in its window, where that is more than the noise: levels, onset and a time constant are fitted.
         let excess = (sum / usize::max(rows - PER_STEP.min(rows), 1) as f64).max(1.0);
         window.weight.iter_mut().for_each(|weight| *weight /= excess.sqrt());
+        window.excess = excess;
     }
     stamp_variance.sqrt()
 }

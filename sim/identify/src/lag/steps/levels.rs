@@ -18,10 +18,13 @@ pub struct Level {
     pub up: Option<Branch>,
     /// What was seen when it was reached from above.
     pub down: Option<Branch>,
-    /// Slope of the static map in response units per unit of command; `None` where the map does not rise
-    /// or the branch has no other level.
+    /// Slope of the static map in response units per unit of command; `None` where the map does not rise, or no other level was reached
+    /// in the same direction, so that none is known.
     #[serde(serialize_with = "value")]
     pub gain: Option<Estimate>,
+    /// Whether its response is not above that of a level below, reached in the same direction.
+    #[serde(skip)]
+    pub falls: bool,
     /// Time constant of small motions about the level by the curve, seconds; `None` beyond the steps that it rests on.
     #[serde(serialize_with = "value")]
     pub time_constant_s: Option<Estimate>,
@@ -81,19 +84,30 @@ pub(super) fn levels(
 ) -> (Vec<Level>, Direction) {
     let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == PlateauState::Running;
     let free: Vec<Plateau> = plateaus.iter().filter(is_level).cloned().collect();
+    // The plateau that begins a record is a level like those reached from below, by which a motor starts; where there is none, like the
+    // others.
+    let from_below = free.iter().any(|p| p.direction == Some(Direction::Up));
+    let usual = if from_below { Direction::Up } else { Direction::Down };
     let plateaus = &free;
     let mut levels: Vec<Level> = Vec::new();
     for plateau in plateaus {
         if !levels.iter().any(|l| (l.command - plateau.command).abs() <= SAME_LEVEL) {
             let curve = curve.filter(|curve| curve.holds(plateau.command));
             let time_constant_s = curve.map(|curve| curve.at(plateau.command));
-            levels.push(Level { command: plateau.command, up: None, down: None, gain: None, time_constant_s });
+            levels.push(Level {
+                command: plateau.command,
+                up: None,
+                down: None,
+                gain: None,
+                falls: false,
+                time_constant_s,
+            });
         }
     }
     levels.sort_by(|a, b| a.command.total_cmp(&b.command));
     for level in &mut levels {
-        level.up = branch(level.command, Direction::Up, plateaus, steps);
-        level.down = branch(level.command, Direction::Down, plateaus, steps);
+        level.up = branch(level.command, Direction::Up, usual, plateaus, steps);
+        level.down = branch(level.command, Direction::Down, usual, plateaus, steps);
     }
     let seen = |d| levels.iter().filter(|l| l.branch(d).is_some()).count();
     let (main, other) = if seen(Direction::Up) >= seen(Direction::Down) {
@@ -107,11 +121,17 @@ pub(super) fn levels(
     (levels, main)
 }
 
-fn branch(command: f64, direction: Direction, plateaus: &[Plateau], steps: &[Step]) -> Option<Branch> {
+/// A level in one direction; plateaus that came from nowhere count as reached in the `usual` one.
+fn branch(
+    command: f64,
+    direction: Direction,
+    usual: Direction,
+    plateaus: &[Plateau],
+    steps: &[Step],
+) -> Option<Branch> {
     let here = |c: f64| (c - command).abs() <= SAME_LEVEL;
-    // The plateau that begins a record came from nowhere; it is a level like those reached from below.
     let seen: Vec<&Plateau> =
-        plateaus.iter().filter(|p| here(p.command) && p.direction.unwrap_or(Direction::Up) == direction).collect();
+        plateaus.iter().filter(|p| here(p.command) && p.direction.unwrap_or(usual) == direction).collect();
     if seen.is_empty() {
         return None;
     }
@@ -128,6 +148,23 @@ fn branch(command: f64, direction: Direction, plateaus: &[Plateau], steps: &[Ste
         time_constant_s: joined(own.iter().filter_map(|step| step.time_constant_s())),
         fit_percent: (!percents.is_empty()).then(|| sample::mean(&percents)),
     })
+}
+
+/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
+/// levels.
+pub(super) fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
+    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
+    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
+        return response(level);
+    }
+    let above = levels.partition_point(|l| l.command < command);
+    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
+        (Some(low), Some(high)) => {
+            let share = (command - low.command) / (high.command - low.command);
+            response(low) + share * (response(high) - response(low))
+        }
+        (one, other) => one.or(other).map_or(0.0, response),
+    }
 }
 
 /// The weighted mean of the logarithms of time constants.
@@ -151,10 +188,11 @@ fn set_gains(levels: &mut [Level], direction: Direction) {
         let Some(mean) = level.branch(direction).map(|b| b.mean) else {
             continue;
         };
-        if rising.last().is_none_or(|last| mean.value > last.2.value) {
-            rising.push((at, level.command, mean));
-        } else {
+        level.falls = rising.last().is_some_and(|last| mean.value <= last.2.value);
+        if level.falls {
             level.gain = None;
+        } else {
+            rising.push((at, level.command, mean));
         }
     }
     for k in 0..rising.len() {

@@ -13,7 +13,7 @@
 //! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
 //!    others, and what they differ by beyond their own errors (`curve`);
 //! 6. levels get their static response, slope and time constants (`levels`);
-//! 7. the runs are simulated with that and compared (here).
+//! 7. the runs are simulated with that (`simulated`) and compared (here).
 //!
 //! Whether one lag will do, or its time constant depends on speed or direction, is what the diagnosis asks.
 //!
@@ -23,6 +23,10 @@
 //! are always those of small motions about the level that the step leads to. Fixing `k` at a motor's value would move the
 //! residual of the large steps into their time constants where something else starts them more gently, and make up and down
 //! differ where they do not.
+//!
+//! Thrust that is the square of a speed with a first-order lag has a curvature too, which is another at each level. So where thrust is
+//! curved, the same fit is made with its square root as what lags ([`Lagged`]). It is taken, with a first-order lag, where the root is not
+//! curved, and the curvature of thrust gains no more on it than a parameter does by chance. Rows, noise and levels are those of thrust in both.
 
 mod averaging;
 mod clipped_plateaus;
@@ -35,6 +39,7 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
+mod simulated;
 mod step;
 mod step_gaps;
 mod uncertainty;
@@ -54,18 +59,30 @@ pub use levels::{Branch, Level};
 pub use plateaus::Direction;
 pub use warning::{LeftOut, StepsWarning};
 
+use rotorlead_plant::Lagged;
 use rotorlead_records::{Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
 use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
 use crate::rows::readings::mean_over;
 use curve::StepTimeConstant;
-use fit::{LagFit, StepRows};
+use fit::{CURVATURE_KNOWN, FIRST_ORDER, LagFit, StepRows};
+use levels::map_response;
 pub use plateaus::{Plateau, PlateauState, SAME_LEVEL};
-use response::{Segment, simulate};
 pub use run::Run;
 pub(crate) use run::find_plateaus;
+use simulated::{LevelAndDelay, simulate_run};
 pub use step::{Step, StepFault, StepLag};
+
+/// Probability of the interval of a curvature that has to leave out zero for steps to be called curved. Standard: that of every interval
+/// here, 95 %.
+const CURVED_PROBABILITY: f64 = 0.95;
+/// And for the square to be refused. Chosen: once it explains a curvature of thrust that is known to be one, a true square is refused once
+/// in 1000 records.
+const SQUARE_PROBABILITY: f64 = 0.999;
+/// Twice the logarithm of the likelihood ratio that a curvature gains where there is none. Derived: the chi-square of one degree of freedom
+/// at [`SQUARE_PROBABILITY`].
+const CURVATURE_BY_CHANCE: f64 = 10.83;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +91,9 @@ pub struct StaircaseFit {
     pub record: String,
     /// Which column was fitted.
     pub output: Output,
+    /// What lags: the response, or where it is thrust its square root. Time constants, delay and curvature are of that, levels and
+    /// gains of the response.
+    pub lagged: Lagged,
     /// The rows on which the motor runs steadily: one range or more, parted by stops and idling.
     pub runs: Vec<Range<usize>>,
     /// All steps of these runs, in time, each with its lag or the reason why it has none.
@@ -115,8 +135,9 @@ pub struct StaircaseFit {
 
 impl Serialize for StaircaseFit {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut values = serializer.serialize_struct("StaircaseFit", 8)?;
+        let mut values = serializer.serialize_struct("StaircaseFit", 9)?;
         values.serialize_field("record", &self.record)?;
+        values.serialize_field("lagged", &self.lagged)?;
         values.serialize_field("delay_s", &self.delay_s.value)?;
         values.serialize_field("delay_s_std", &self.delay_s.std)?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
@@ -148,15 +169,32 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         y: &y,
         without_reading: &without_reading,
         mean_s: 0.0,
+        lagged: Lagged::Response,
+        curvature: CURVATURE_KNOWN,
         change_std_s,
     };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
-    let (lag, mut steps, readings) =
-        averaging::fit(&data, &runs, &steps, frame_s).map_err(|error| match (error, limit) {
-            (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
-            (error, _) => error,
-        })?;
+    let fit = |lagged, curvature| {
+        averaging::fit(&StepRows { lagged, curvature, ..data }, &runs, &steps, frame_s).map_err(|error| {
+            match (error, limit) {
+                (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+                (error, _) => error,
+            }
+        })
+    };
+    let of_response = fit(Lagged::Response, CURVATURE_KNOWN)?;
+    let square = || {
+        if output != Output::ThrustN
+            || !of_response.0.is_curved(CURVED_PROBABILITY)
+            || fit(Lagged::SquareRoot, CURVATURE_KNOWN).ok()?.0.is_curved(SQUARE_PROBABILITY)
+        {
+            return None;
+        }
+        let square = fit(Lagged::SquareRoot, FIRST_ORDER).ok()?;
+        (square.0.chi_square.gain_of(of_response.0.chi_square) < CURVATURE_BY_CHANCE).then_some(square)
+    };
+    let (lag, mut steps, readings) = square().unwrap_or(of_response);
     let curve = join(&mut steps, &lag);
     let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
@@ -203,9 +241,10 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         // Minus infinity for a response that is constant, which runs with a usable step are not.
         fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
     };
-    let mut fit = StaircaseFit {
+    Ok(StaircaseFit {
         record: record.file.clone(),
         output,
+        lagged: lag.lagged,
         fit_percent: percent(&y, &simulated, &clean),
         fit_percent_with_spikes: percent(raw, &simulated, &|k| shown[k]),
         fit_percent_own_levels: percent(&y, &own_levels, &clean),
@@ -221,9 +260,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         main_direction,
         simulated,
         warnings,
-    };
-    warnings::as_square(&mut fit, record, esc_frame_hz);
-    Ok(fit)
+    })
 }
 
 /// Lays the curve through the steps; marks those that are hardly known or contradict the others, and widens the intervals of
@@ -270,57 +307,4 @@ fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsErro
     let even = columns.iter().all(|c| c.len() == y.len());
     let forward = record.time_s.is_sorted_by(|a, b| a < b);
     if finite && even && forward { Ok(y) } else { Err(StepsError::Malformed { record: record.file.clone() }) }
-}
-
-/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
-/// levels.
-fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
-    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
-    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
-        return response(level);
-    }
-    let above = levels.partition_point(|l| l.command < command);
-    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
-        (Some(low), Some(high)) => {
-            let share = (command - low.command) / (high.command - low.command);
-            response(low) + share * (response(high) - response(low))
-        }
-        (one, other) => one.or(other).map_or(0.0, response),
-    }
-}
-
-/// The level of a plateau and the delay to it, by what is known of the step that leads to it.
-type LevelAndDelay<'a> = dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64) + 'a;
-
-/// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
-fn simulate_run(
-    run: &Run,
-    time_s: &[f64],
-    steps: &[Step],
-    lag: &LagFit,
-    curve: Option<&TimeConstantCurve>,
-    level_and_delay: &LevelAndDelay<'_>,
-) -> Vec<f64> {
-    let rows = run.rows();
-    let segments: Vec<Segment> = run
-        .plateaus
-        .iter()
-        .map(|plateau| {
-            let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().and_then(|k| steps[k].lag);
-            let (level, delay_s) = level_and_delay(plateau, step.as_ref());
-            // Beyond the steps that it rests on, the curve is not to be trusted further than its ends.
-            let of_curve = curve.map(|curve| {
-                let at = plateau.command.clamp(curve.range.0, curve.range.1);
-                curve.toward(at, plateau.direction.unwrap_or(Direction::Up)).value
-            });
-            let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
-            let bend = lag.bend_per_s * time_constant_s;
-            Segment { from_s: plateau.change_s, level, time_constant_s, delay_s, bend }
-        })
-        .collect();
-    let mut simulated = vec![0.0; rows.len()];
-    // The fit went through the same steps, so they have a response; should rounding say otherwise, the
-    // percentages say so too.
-    let _ = simulate(&segments, &time_s[rows], &mut simulated);
-    simulated
 }

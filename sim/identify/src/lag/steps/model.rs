@@ -2,7 +2,8 @@
 
 use rotorlead_plant::{Lag, Model, Point, Provenance, StaticMap};
 
-use super::{StaircaseFit, StepsError, map_response};
+use super::levels::map_response;
+use super::{StaircaseFit, StepsError};
 
 impl StaircaseFit {
     /// The model: a point at each level that has a rising map and lies within the curve of time constants, and the static map
@@ -10,7 +11,7 @@ impl StaircaseFit {
     ///
     /// A point's `time_constant_s` is the curve's, so that no single step decides a design; those of single steps in both
     /// directions stand beside it. Its delay is the record's, but not below zero. `fit_step_percent` is that of the
-    /// direction with the worse fit.
+    /// direction with the worse fit. The static map has what lags.
     ///
     /// # Errors
     /// [`StepsError::NoUsableLevel`] when there would be no point.
@@ -24,7 +25,7 @@ impl StaircaseFit {
         Ok(Model {
             format: 1,
             points,
-            static_map: Some(StaticMap { command: command.clone(), response, polynomial: None }),
+            static_map: Some(StaticMap { command: command.clone(), response, lagged: self.lagged, polynomial: None }),
             time_constant_curve: self.curve.as_ref().map(|curve| curve.band(command.iter().copied())),
             effects: Vec::new(),
             provenance: Some(Provenance {

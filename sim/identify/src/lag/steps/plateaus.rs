@@ -20,13 +20,16 @@ const STEADY_SHARE: f64 = 0.05;
 /// Or by less than this many times what is usual in the record. Chosen: it admits a noisy sensor, whose plateaus differ by less than a
 /// factor of 4.
 const STEADY_TIMES_USUAL: f64 = 4.0;
-/// A running motor turns at least at this share of its fastest plateau. Chosen: commutation without a sensor works from a few percent
-/// of full speed.
+/// A running motor turns at least at this share of its fastest plateau, where nothing else says that it runs. Chosen: commutation without
+/// a sensor works from a few percent of full speed.
 const RUNNING_SPEED_SHARE: f64 = 0.05;
+/// And at least at this share where its speed is above that at a lower command. Chosen: no sensorless ESC commutates so slowly; the last
+/// turns of a motor that stops are slower.
+const SLOWEST_SPEED_SHARE: f64 = 0.01;
 /// A response that follows the command below zero changes there by this share of its largest value... Chosen: more than the zero of a
 /// sensor drifts by, less than a step of a staircase.
 const FOLLOWS_SHARE: f64 = 0.05;
-/// ...and by this many standard errors. Derived: by Student's t with the 8 degrees of freedom of twice five batches, noise alone exceeds 6
+/// ...and by this many standard errors, as a speed that is not that of standstill does. Derived: by Student's t with the 8 degrees of freedom of twice five batches, noise alone exceeds 6
 /// once in 6000 times.
 const FOLLOWS_TIMES_STD: f64 = 6.0;
 /// Batches whose means tell how well a plateau's mean is known. Chosen: their 4 degrees of freedom know a standard error to 35 %,
@@ -126,7 +129,7 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
 ///
 /// A plateau is [`PlateauState::Running`] when it is long enough to settle, its settled mean is above a share of the
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
-/// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
+/// this record. A slower speed will do where a standing motor was seen beside it. That leaves out standstill, the jumps of a start without a sensor, and a motor that
 /// fell out of step. At a command of zero a reading other than zero that never changes is [`PlateauState::Frozen`]: telemetry that
 /// repeats its last value, where no ESC drives the motor.
 pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
@@ -166,7 +169,27 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
             false => PlateauState::NotSteady,
         };
     }
+    if output == Output::Rpm {
+        mark_slow_running(&mut plateaus, SLOWEST_SPEED_SHARE * fastest);
+    }
     plateaus
+}
+
+/// Takes slow speeds for those of a running motor where they are above that of a standing or idling one at a lower command. The zero of a
+/// load cell drifts, so that a small thrust says no such thing.
+fn mark_slow_running(plateaus: &mut [Plateau], slowest: f64) {
+    let idle = plateaus.iter().filter(|p| p.state == PlateauState::Idle);
+    let Some(lowest) = idle.min_by(|a, b| a.mean.total_cmp(&b.mean)).cloned() else { return };
+    let runs = |p: &Plateau| {
+        p.command > lowest.command + SAME_LEVEL
+            && p.mean > slowest
+            && p.mean - lowest.mean > FOLLOWS_TIMES_STD * p.mean_std.hypot(lowest.mean_std)
+    };
+    for p in plateaus.iter_mut().filter(|p| p.state == PlateauState::Idle) {
+        if runs(p) {
+            p.state = PlateauState::Running;
+        }
+    }
 }
 
 /// When commands changed, by their own stamps or those of the rows.

@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rotorlead_numerics::least_squares::NormalEquations;
+use rotorlead_plant::Lagged;
 
 use super::response::{Segment, mean_value};
 
@@ -30,6 +31,8 @@ pub(super) struct Window {
     pub(super) mean_s: f64,
     /// Variance of each row by the noise of its time stamp, in units of that of the sensor's noise.
     pub(super) stamp_variance: Vec<f64>,
+    /// By how much the variance is taken for larger than the sensor's, as a first fit leaves more.
+    pub(super) excess: f64,
 }
 
 /// Indices of the shared parameters.
@@ -49,9 +52,24 @@ pub(super) struct StepProblem<'a> {
     pub(super) onset_std_s: f64,
     /// What is known of the curvature beforehand: mean and standard deviation.
     pub(super) curvature: (f64, f64),
-    /// The highest level, response units, and the usual time to 63 % of a step, seconds: the units of the curvature.
+    pub(super) law: StepLaw,
+}
+
+/// What lags, and the units of its curvature.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepLaw {
+    pub(super) lagged: Lagged,
+    /// The highest level, in units of what lags.
     pub(super) reference: f64,
+    /// The usual time to 63 % of a step, seconds.
     pub(super) usual_s: f64,
+}
+
+impl StepLaw {
+    /// A curvature per unit of what lags and second of time constant: the bend over the time constant.
+    pub(super) fn bend_per_s(&self, curvature: f64) -> f64 {
+        curvature / self.reference / self.usual_s
+    }
 }
 
 /// The parameters and what they leave.
@@ -108,7 +126,8 @@ impl StepProblem<'_> {
             level: step.after * p[Self::level_index(k)],
             time_constant_s,
             delay_s: p[DELAY] + p[Self::onset_index(k)],
-            bend: p[CURVATURE] / self.reference * time_constant_s / self.usual_s,
+            bend: self.law.bend_per_s(p[CURVATURE]) * time_constant_s,
+            lagged: self.law.lagged,
         };
         let excess = step.before * p[Self::level_before_index(k)] - segment.level;
         let mut ok = segment.delay_s.abs() < MAX_DELAY_S;

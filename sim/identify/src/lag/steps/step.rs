@@ -6,6 +6,7 @@ use std::fmt;
 use std::ops::Range;
 
 use rotorlead_numerics::sample::{mean, median};
+use rotorlead_plant::Lagged;
 
 use super::Run;
 use super::plateaus::{Direction, Plateau, PlateauState};
@@ -155,8 +156,9 @@ pub struct StepLag {
     pub before: f64,
     /// % fit over its window.
     pub fit_percent: f64,
-    /// How much faster than an exponential it starts, per unit of the response (`response`).
+    /// How much faster than an exponential it starts, per unit of what lags (`response`).
     pub(super) bend: f64,
+    pub(super) lagged: Lagged,
     /// Over how long each reading is the mean, seconds; 0 for a momentary value.
     pub(super) mean_s: f64,
 }
@@ -171,6 +173,7 @@ impl StepLag {
             time_constant_s: self.time_constant_s.value,
             delay_s: self.delay_s,
             bend: self.bend,
+            lagged: self.lagged,
         };
         // The fit has a response; should rounding say otherwise, it is drawn as it comes out.
         mean_value(&segment, self.before - self.after, after_s, self.mean_s, &mut true)

@@ -20,7 +20,7 @@ pub enum LeftOut {
         /// The value, response units.
         at: f64,
     },
-    /// Levels are too short, or alone.
+    /// Levels are too short, or the motor runs on one alone.
     Short,
 }
 
@@ -40,7 +40,7 @@ impl fmt::Display for LeftOut {
                 f,
                 "the command is zero and the reading stands on {at}, as telemetry does that repeats its last value once the motor is off"
             ),
-            Self::Short => f.write_str("no two levels in a row are long enough to settle there"),
+            Self::Short => f.write_str("no two levels on which the motor runs and settles follow each other there"),
         }
     }
 }
@@ -140,6 +140,11 @@ pub enum StepsWarning {
     },
     /// A level whose steady response is not above that of the level below.
     NotRising {
+        /// The level.
+        command: f64,
+    },
+    /// A level beside which none was reached from the same side.
+    NoGain {
         /// The level.
         command: f64,
     },
@@ -252,6 +257,11 @@ impl fmt::Display for StepsWarning {
                 "at command {command:.3} the response is not above that of the level below; no compensator can be designed \
                  there. Stay below it in flight"
             ),
+            Self::NoGain { command } => write!(
+                f,
+                "at command {command:.3} the gain is not known and the model has no point: no other level was reached from the same side. \
+                 Go through the levels one by one, up and down"
+            ),
             Self::Beyond { count, range: (low, high) } => write!(
                 f,
                 "{} no point in the model: steps with a known lag lead to commands from {low:.3} to {high:.3} only. Begin the \
@@ -272,8 +282,8 @@ impl fmt::Display for StepsWarning {
                 let lags = lags.filter_map(|(tau, way)| Some(format!("{:.1} ms {way}", 1e3 * (*tau)?)));
                 write!(
                     f,
-                    "large steps are those of a thrust that is the square of a speed, which lags {}; the model has the lag of thrust in \
-                     small motions",
+                    "large steps are those of a thrust that is the square of a speed, which lags {}: the model has that lag, and the \
+                     square behind it",
                     lags.collect::<Vec<_>>().join(" and ")
                 )
             }

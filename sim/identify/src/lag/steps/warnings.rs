@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use rotorlead_plant::Lagged;
 use rotorlead_records::{Output, Record};
 
 use super::fit::LagFit;
 use super::plateaus::{Plateau, PlateauState};
 use super::step::{Step, StepFault};
-use super::{Direction, LeftOut, Level, Run, StaircaseFit, StepsWarning, TimeConstantCurve};
+use super::{CURVED_PROBABILITY, Direction, LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 use crate::estimate::Estimate;
 use crate::rows::gaps::rows_after_gaps;
 use crate::rows::ripple::Ripple;
@@ -15,8 +16,6 @@ use crate::rows::ripple::Ripple;
 /// A standard deviation between steps above this share is reported. Chosen: a third of the most that logs of thrust stands show, 0.15; a
 /// compensator hardly changes with less.
 const SCATTER: f64 = 0.05;
-/// And a curvature from here on. Chosen: it changes the middle of the largest step by 2 %, `0.5 / (1 + 0.5 k)` in place of 0.5.
-const LEAST_CURVATURE: f64 = 0.1;
 /// A level is as good as settled after this many time constants. Chosen: 0.7 %, `e^-5`, of the step is still to come.
 const SETTLED_TIME_CONSTANTS: f64 = 5.0;
 
@@ -30,11 +29,14 @@ pub(super) fn check_runs(record: &Record, output: Output, runs: &[Run]) -> Vec<S
         if from >= until {
             return;
         }
+        // The level that a run begins with may reach back before it, to where it has not settled.
+        let is_alone = |p: &&Plateau| p.state == PlateauState::Running && p.rows.start >= from && p.rows.end <= until;
         let inside = || all.iter().filter(|p| p.rows.start < until && p.rows.end > from);
         let idle = inside().filter(|p| p.state == PlateauState::Idle).map(|p| p.mean / highest).reduce(f64::max);
         let frozen = inside().find(|p| p.state == PlateauState::Frozen);
         let reason = match (frozen, idle) {
             (Some(frozen), _) => LeftOut::Frozen { at: frozen.mean },
+            _ if inside().any(|p| is_alone(&p)) => LeftOut::Short,
             (None, Some(share)) => LeftOut::Idle { share },
             (None, None) if inside().any(|p| p.state == PlateauState::NotSteady) => LeftOut::NotSteady,
             // Of the level that a run begins with, what comes before it has settled.
@@ -115,31 +117,6 @@ pub(super) fn check_steps(record: &Record, runs: &[Run], steps: &[Step]) -> Vec<
     warnings
 }
 
-/// Whether large steps are not those of a first-order lag. At an end of its range a curvature is held there.
-fn is_curved(curvature: Estimate) -> bool {
-    curvature.value > LEAST_CURVATURE && curvature.excludes(0.0)
-}
-
-/// That the steps of a curved thrust are those of the square of a speed with a first-order lag, in place of what is said of drag: the
-/// square root of the thrust shows no curvature then, and is fitted no worse.
-pub(super) fn as_square(fit: &mut StaircaseFit, record: &Record, esc_frame_hz: Option<f64>) {
-    let of_curve = |warning: &StepsWarning| matches!(warning, StepsWarning::Curved { .. });
-    let Some(place) = fit.warnings.iter().position(of_curve).filter(|_| fit.output == Output::ThrustN) else { return };
-    let Some(thrust) = &record.thrust_n else { return };
-    let speed = thrust.iter().map(|thrust| thrust.max(0.0).sqrt()).collect();
-    let Ok(root) = super::fit_staircase(&Record { rpm: Some(speed), ..record.clone() }, Output::Rpm, esc_frame_hz)
-    else {
-        return;
-    };
-    let missed = |fit: &StaircaseFit| fit.ceiling_percent - fit.fit_percent_own_levels;
-    if let Some(curve) =
-        root.curve.as_ref().filter(|_| !is_curved(root.curvature) && missed(&root) <= missed(fit).max(0.0))
-    {
-        let time_constants_s = [Direction::Up, Direction::Down].map(|way| Some(curve.average(way)?.value));
-        fit.warnings[place] = StepsWarning::Square { time_constants_s };
-    }
-}
-
 /// What is odd about the levels and the lag.
 pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstantCurve>) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
@@ -154,11 +131,22 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
         }
         warnings.extend(curve.asymmetry().map(|ratio| StepsWarning::Asymmetric { ratio }));
     }
-    let falls = |level: &&Level| level.gain.is_none();
-    warnings.extend(levels.iter().filter(falls).map(|level| StepsWarning::NotRising { command: level.command }));
-    let curvature = lag.curvature;
-    if is_curved(curvature) {
-        warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
+    let without_gain = levels.iter().filter(|level| level.gain.is_none());
+    warnings.extend(without_gain.map(|&Level { command, falls, .. }| match falls {
+        true => StepsWarning::NotRising { command },
+        false => StepsWarning::NoGain { command },
+    }));
+    match lag.lagged {
+        Lagged::SquareRoot => {
+            let average = |way| Some(curve?.average(way)?.value);
+            let time_constants_s = [Direction::Up, Direction::Down].map(average);
+            warnings.push(StepsWarning::Square { time_constants_s });
+        }
+        Lagged::Response if lag.is_curved(CURVED_PROBABILITY) => {
+            let Estimate { value: curvature, std, .. } = lag.curvature;
+            warnings.push(StepsWarning::Curved { curvature, std });
+        }
+        Lagged::Response => {}
     }
     if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
