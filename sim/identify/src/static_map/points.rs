@@ -7,6 +7,7 @@ use rotorlead_plant::StaticMap;
 use rotorlead_records::{Excitation, Output, Record};
 
 use crate::lag::steps::{Direction, Plateau, PlateauState, Run, SAME_LEVEL, StepsError, find_plateaus};
+use crate::rows::resolution::{common_std, resolution};
 use crate::rows::spikes::without_spikes;
 
 /// A command and the response that it settles to.
@@ -20,6 +21,8 @@ pub struct SteadyPoint {
     pub response: f64,
     /// Standard error of `response`, as its own rows tell it.
     pub std: f64,
+    /// What of it the resolution of the readings makes, which is the same at each visit of a level.
+    pub common_std: f64,
 }
 
 /// All that a record tells.
@@ -140,7 +143,7 @@ impl SteadyPoints {
             let direction = if command < before { Direction::Down } else { Direction::Up };
             before = command;
             // All alike: the table does not say better. Chosen: a percent of the highest; the fit scales it by what it leaves.
-            SteadyPoint { command, direction, response, std: STILL_SHARE * highest }
+            SteadyPoint { command, direction, response, std: STILL_SHARE * highest, common_std: 0.0 }
         };
         let running: Vec<SteadyPoint> = rows().map(point).filter(|point| !stands(point.response)).collect();
         let lowest = running.iter().map(|point| point.command).fold(f64::INFINITY, f64::min);
@@ -156,6 +159,7 @@ fn point(plateau: &Plateau) -> SteadyPoint {
         direction: plateau.direction.unwrap_or(Direction::Up),
         response: plateau.mean,
         std: plateau.mean_std,
+        common_std: plateau.common_std,
     }
 }
 
@@ -185,6 +189,7 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
     // Row whose command acts at a time.
     let at = |t: f64| record.time_s.partition_point(|&s| s <= t - lag_s).checked_sub(1);
     let highest = clean.iter().copied().fold(0.0, f64::max);
+    let resolution = resolution(&clean);
     let mut points = Vec::new();
     let mut still: Option<f64> = None;
     let mut close = |rows: Range<usize>, direction: Direction| {
@@ -204,7 +209,8 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
         if response < STILL_SHARE * highest {
             still = Some(still.map_or(command, |before: f64| before.max(command)));
         } else {
-            points.push(SteadyPoint { command, direction, response, std });
+            let common_std = common_std(resolution, variance(&clean[rows]).sqrt());
+            points.push(SteadyPoint { command, direction, response, std: std.hypot(common_std), common_std });
         }
     };
     let mut start = 0;

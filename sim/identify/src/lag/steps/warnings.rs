@@ -160,7 +160,7 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
     if is_curved(curvature) {
         warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
     }
-    if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
+    if lag.delay_s.value < -lag.most_lead_s && lag.delay_s.excludes(-lag.most_lead_s) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings
