@@ -396,7 +396,7 @@ fn window<'p>(
     let says = |row: usize| !data.without_reading[row] && after_gaps.binary_search(&row).is_err();
     let pair = pairs.find(|pair| pair[1].rows.start == step.row).unwrap_or_default();
     // A sensor that reads the same value all the time has some noise still: a thousandth of the step, chosen.
-    let noise = pair.last().map_or(0.0, |to| to.std).max(1e-3 * (step.after - step.before).abs());
+    let noise = pair.last().map_or(0.0, |to| to.noise_std).max(1e-3 * (step.after - step.before).abs());
     let rows: Vec<usize> = step.window.clone().filter(|&row| says(row)).collect();
     let readings: Vec<f64> = rows.iter().map(|&row| data.y[row]).collect();
     let (mut weight, mut common_std) = (vec![0.0; step.window.len()], vec![0.0; step.window.len()]);

@@ -73,8 +73,10 @@ pub struct Plateau {
     pub direction: Option<Direction>,
     /// Mean of the response over the settled rows.
     pub mean: f64,
-    /// Standard deviation of the response over the settled rows, not below that of a reading by its resolution.
+    /// Standard deviation of the response over the settled rows.
     pub std: f64,
+    /// Standard deviation of a reading: the same, and not below that by its resolution.
+    pub noise_std: f64,
     /// Standard error of `mean`, from the scatter of the means of batches, which includes slow drift, and with `common_std`.
     pub mean_std: f64,
     /// Standard deviation of the error that its readings have in common, by their resolution.
@@ -181,7 +183,7 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
         };
         p.common_std = common_std(resolution, p.std);
         p.mean_std = p.mean_std.hypot(p.common_std);
-        p.std = p.std.max(reading_std(resolution));
+        p.noise_std = p.std.max(reading_std(resolution));
     }
     plateaus
 }
@@ -263,6 +265,7 @@ fn measured(rows: Range<usize>, late_rows: usize, command: f64, direction: Optio
         direction,
         mean: 0.0,
         std: 0.0,
+        noise_std: 0.0,
         mean_std: 0.0,
         common_std: 0.0,
         late_rows,
@@ -303,7 +306,7 @@ pub(super) fn runs(plateaus: &[Plateau]) -> Vec<Range<usize>> {
 /// and of no use to a lag. `None` when it settles only at the end.
 pub(super) fn settled_from(first: &Plateau, y: &[f64]) -> Option<usize> {
     // Chosen: normal noise is beyond five standard deviations once in two million rows; 2 % of the mean holds the ripple of a quiet one.
-    let near = (5.0 * first.std).max(0.02 * first.mean.abs());
+    let near = (5.0 * first.noise_std).max(0.02 * first.mean.abs());
     let outside = |&k: &usize| (y[k] - first.mean).abs() > near;
     // Half a plateau is settled by definition of its mean; single outliers there do not count.
     let unsettled = first.rows.start..first.settled().start;
