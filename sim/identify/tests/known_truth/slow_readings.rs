@@ -156,8 +156,13 @@ fn assert_right(sensor: &Sensor) -> usize {
         known += usize::from(averaging != Averaging::Unknown);
         let off_s = fit.delay_s.value - sensor.dead_s - costs_s;
         assert!(off_s.abs() < 0.1 * reading_s, "seed {seed}, {averaging:?}: {:?} of {}", fit.delay_s, sensor.dead_s);
-        let taus_s: Vec<f64> = fit.steps.iter().filter_map(|step| Some(step.time_constant_s()?.value)).collect();
-        let tau_s = taus_s.iter().sum::<f64>() / taus_s.len() as f64;
+        // Each by how well it is known: a step of few counts hardly shows its lag.
+        let known_taus = fit.steps.iter().filter_map(|step| step.time_constant_s());
+        let (sum, weights) = known_taus.fold((0.0, 0.0), |(sum, weights), tau| {
+            let weight = (tau.value / tau.std).powi(2);
+            (sum + weight * tau.value.ln(), weights + weight)
+        });
+        let tau_s = (sum / weights).exp();
         // A few readings are all there is of a lag that is shorter than they are apart.
         let known_s = 0.06 * (sensor.tau_s + reading_s);
         assert!((tau_s - sensor.tau_s).abs() < known_s, "seed {seed}, {averaging:?}: {tau_s} of {}", sensor.tau_s);
