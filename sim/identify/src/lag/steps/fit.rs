@@ -36,7 +36,7 @@
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead_numerics::least_squares::{Damping, Decrease, NormalEquations as _, SearchEnd, Strategy, search};
 use rotorlead_numerics::normal_equations::scaled_inverse;
-use rotorlead_numerics::sample::{median, variance};
+use rotorlead_numerics::sample::{mean, median, variance};
 
 use nalgebra::{DMatrix, DVector};
 
@@ -94,7 +94,7 @@ pub(super) struct LagFit {
     /// Covariance of the logarithms of the time constants of the steps that have a lag, in their order.
     pub(super) covariance: DMatrix<f64>,
     /// What the same logarithms are off by where all levels are off by a standard deviation of their resolution.
-    pub(super) of_resolution: DVector<f64>,
+    pub(super) resolution_shift: DVector<f64>,
 }
 
 /// The rows of a record.
@@ -163,8 +163,8 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
     let onset_variance = sum / count;
     let onset_std_s = onset_variance.sqrt().max(least_onset_std_s);
-    let of_stamps = (onset_variance - uniform_std(frame_s).powi(2)).max(0.0);
-    let common_std_s = data.late_s.map_or(0.0, |late_s| (uniform_std(late_s).powi(2) - of_stamps).max(0.0).sqrt());
+    let shown_variance = (onset_variance - uniform_std(frame_s).powi(2)).max(0.0);
+    let common_std_s = data.late_s.map_or(0.0, |late_s| (uniform_std(late_s).powi(2) - shown_variance).max(0.0).sqrt());
     let left: f64 = rough.iter().flat_map(|fitted| fitted.at.residuals.iter().flatten()).map(|r| r * r).sum();
     let chi_square = (left, windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count());
     let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
@@ -203,9 +203,10 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         stamp_std_s,
         chi_square,
         covariance: DMatrix::zeros(windows.len(), windows.len()),
-        of_resolution: DVector::zeros(windows.len()),
+        resolution_shift: DVector::zeros(windows.len()),
     };
-    let (mut delays, mut curvatures, mut of_resolution) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
+    let (mut delay_shifts, mut curvature_shifts) = (Vec::new(), Vec::new());
     for (batch, (problem, fitted)) in windows
         .chunks(batches)
         .map(|steps| StepProblem { steps, onset_std_s, curvature, reference, usual_s })
@@ -213,15 +214,16 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .enumerate()
     {
         let covariance = fitted.covariance(&problem, &correlation);
-        let off = fitted.off_by_resolution(&problem).unwrap_or_else(|| DVector::zeros(fitted.at.parameters.len()));
-        of_resolution.push((off[DELAY], off[CURVATURE]));
+        let shift = fitted.shift_by_resolution(&problem).unwrap_or_else(|| DVector::zeros(fitted.at.parameters.len()));
+        delay_shifts.push(shift[DELAY]);
+        curvature_shifts.push(shift[CURVATURE]);
         let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
         let p = &fitted.at.parameters;
         let std = |at: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(at, at)].max(0.0).sqrt());
         delays.push(Estimate::normal(p[DELAY], std(DELAY)));
         curvatures.push(Estimate::normal(p[CURVATURE], std(CURVATURE)));
         for (i, &step) in own.iter().enumerate() {
-            result.of_resolution[step] = off[StepProblem::time_constant_index(i)];
+            result.resolution_shift[step] = shift[StepProblem::time_constant_index(i)];
             for (j, &other) in own.iter().enumerate() {
                 let (a, b) = (StepProblem::time_constant_index(i), StepProblem::time_constant_index(j));
                 let unknown = if i == j { f64::INFINITY } else { 0.0 };
@@ -240,10 +242,9 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
             });
         }
     }
-    let off = |of: fn(&(f64, f64)) -> f64| of_resolution.iter().map(of).sum::<f64>() / of_resolution.len() as f64;
     let with = |estimate: Estimate, common: f64| Estimate { std: estimate.std.hypot(common), ..estimate };
-    result.delay_s = with(pooled(&delays), common_std_s.hypot(off(|off| off.0)));
-    let curvature = with(pooled(&curvatures), off(|off| off.1));
+    result.delay_s = with(pooled(&delays), common_std_s.hypot(mean(&delay_shifts)));
+    let curvature = with(pooled(&curvatures), mean(&curvature_shifts));
     result.bend_per_s = curvature.value / reference / usual_s;
     let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
     let scale = median(taus).unwrap_or(usual_s) / usual_s;
@@ -297,7 +298,7 @@ impl Fitted {
     }
 
     /// What the parameters are off by where all readings that stand on a level are off by a standard deviation of their common error.
-    fn off_by_resolution(&self, problem: &StepProblem<'_>) -> Option<DVector<f64>> {
+    fn shift_by_resolution(&self, problem: &StepProblem<'_>) -> Option<DVector<f64>> {
         let unit = scaled_inverse(&self.linearization.matrix, 0.0)?;
         let mut right = DVector::zeros(unit.nrows());
         for (k, (block, window)) in self.linearization.blocks.iter().zip(problem.steps).enumerate() {

@@ -245,8 +245,8 @@ fn join(steps: &mut [Step], lag: &LagFit) -> Option<TimeConstantCurve> {
     };
     let readings: Vec<StepTimeConstant> = known.iter().map(reading).collect();
     let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| lag.covariance[(known[i], known[j])]);
-    let of_resolution = DVector::from_fn(known.len(), |i, _| lag.of_resolution[known[i]]);
-    let (curve, left_out) = TimeConstantCurve::fit(&readings, &covariance, &of_resolution)?;
+    let resolution_shift = DVector::from_fn(known.len(), |i, _| lag.resolution_shift[known[i]]);
+    let (curve, left_out) = TimeConstantCurve::fit(&readings, &covariance, &resolution_shift)?;
     for (place, ratio) in left_out {
         steps[fitted[known[place]]].fault = Some(StepFault::Contradicts { ratio });
     }
