@@ -1,7 +1,8 @@
 //! The command of a record on stamps of its own.
 //!
 //! An autopilot logs its output every few milliseconds and what an ESC reports every twenty: at the rows of the response alone, a step of
-//! the command is known to a row. Its own stamps say when it was.
+//! the command is known to a row. Its own stamps say when it was: in a log that repeats a command that stands still, after the stamp before
+//! and not after its own, which is taken as half an interval before its own.
 
 use rotorlead_numerics::sample::median;
 
@@ -60,14 +61,16 @@ impl CommandLog {
         self.command[place] != self.command[place - 1]
     }
 
-    /// The stamps and commands that change it, from the one in force at `from_s` to the last before `to_s`.
+    /// When its commands changed, and to what, from the one in force at `from_s` to the last before `to_s`: half of [`Self::resolution_s`]
+    /// before their stamps.
     #[must_use]
     pub fn changes(&self, from_s: f64, to_s: f64) -> (Vec<f64>, Vec<f64>) {
-        let first = self.place(from_s);
-        let end = self.time_s.partition_point(|time| *time < to_s).max(first + 1);
+        let late_s = 0.5 * self.resolution_s();
+        let first = self.place(from_s + late_s);
+        let end = self.time_s.partition_point(|time| *time < to_s + late_s).max(first + 1);
         let places = (first..end).filter(|&place| place == first || self.is_change(place));
         // What is in force at the beginning was so before, and counts from there.
-        places.map(|place| (self.time_s[place].max(from_s), self.command[place])).unzip()
+        places.map(|place| ((self.time_s[place] - late_s).max(from_s), self.command[place])).unzip()
     }
 
     /// The entry in force at a time; the first one before its stamp too.
@@ -110,8 +113,14 @@ mod tests {
         let rows = [0.0, 0.02, 0.04, 0.06];
         assert_eq!(log().at_rows(&rows, Excitation::Staircase), [0.2, 0.4, 0.4, 0.6]);
         assert_eq!(rows.map(|row| log().last_change(row)), [0, 2, 2, 3]);
-        assert_eq!(log().changes(0.0, 0.06), (vec![0.0, 0.015, 0.0425], vec![0.2, 0.4, 0.6]));
-        assert_eq!(log().changes(0.02, 0.04), (vec![0.02], vec![0.4]));
+        // Stamps are 22.5 ms apart as a rule, and a change is half of that before its own.
+        let (times, commands) = log().changes(0.0, 0.06);
+        assert_eq!(commands, [0.2, 0.4, 0.6]);
+        assert!(
+            times.iter().zip([0.0, 0.00375, 0.03125]).all(|(time, exact)| (time - exact).abs() < 1e-12),
+            "{times:?}"
+        );
+        assert_eq!(log().changes(0.01, 0.03), (vec![0.01], vec![0.4]));
     }
 
     #[test]

@@ -163,3 +163,24 @@ fn a_ramp_is_named_as_one_and_no_unequal_lags_beside_it() {
         true,
     );
 }
+
+/// Counts of 300 and of 1000 rpm, each reading in a row of its own or in ten.
+#[test]
+fn counts_larger_than_their_noise_are_no_effect() {
+    for (rpm, noise, seed) in [(300.0, 0.1, 11), (300.0, 0.3, 12), (1000.0, 0.1, 13)] {
+        for (rate_hz, rows_per_reading) in [(100.0, 1), (500.0, 10)] {
+            let count = rpm / 25_000.0;
+            let counted =
+                Stand { count, noise: noise * count, rate_hz, rows_per_reading, tau_s: [0.03; 2], ..Stand::default() };
+            let log = counted.log(seed);
+            let found = diagnosed(&log);
+            // A reading that stands in ten rows may come late.
+            let named = names(&found);
+            assert!(named.is_empty() || named == ["transport_delay"], "{rpm} rpm, {rows_per_reading} rows: {named:?}");
+            let said = warned(&log);
+            assert!(!said.contains("as long as steps up") && !said.contains("jump away"), "{said}");
+        }
+    }
+    let unequal = Stand { count: 0.002, noise: 4e-4, rate_hz: 100.0, tau_s: [0.04, 0.07], ..Stand::default() };
+    assert_eq!(names(&diagnosed(&unequal.log(14))), ["asymmetric_lag"]);
+}

@@ -34,6 +34,9 @@ pub struct Stand {
     pub filter_s: f64,
     /// Standard deviation of a reading.
     pub noise: f64,
+    /// Readings are whole multiples of it, where it is not zero; and each stands in so many rows.
+    pub count: f64,
+    pub rows_per_reading: usize,
     /// The reading repeats its last value while the command is zero.
     pub freezes: bool,
     /// Share by which the speed falls within 10 s, for good.
@@ -56,6 +59,8 @@ impl Default for Stand {
             mean_s: 0.0,
             filter_s: 0.0,
             noise: 0.001,
+            count: 0.0,
+            rows_per_reading: 1,
             freezes: false,
             drift: 0.0,
         }
@@ -81,7 +86,12 @@ impl Stand {
             let time_s = row as f64 / self.rate_hz;
             let noise: f64 = StandardNormal.sample(&mut rng);
             if !(self.freezes && command == 0.0) || reading.is_nan() {
-                reading = filtered + self.noise * noise;
+                if row % self.rows_per_reading == 0 {
+                    reading = filtered + self.noise * noise;
+                }
+                if self.count > 0.0 {
+                    reading = (reading / self.count).round() * self.count;
+                }
             }
             // A speed of 1 are 25 000 rpm.
             let scale = if self.thrust_n.is_some() { 1.0 } else { 25_000.0 };

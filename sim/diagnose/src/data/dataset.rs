@@ -200,6 +200,16 @@ impl Dataset {
             output: experiment.output,
         })
     }
+
+    /// Whether the readings of logs stand still on most of their levels, by their resolution.
+    pub fn stands_still(&self) -> bool {
+        let logs = self.records.iter().filter_map(|record| record.log.as_ref());
+        let still: Vec<bool> = logs
+            .flat_map(|log| log.groups.iter().filter_map(|group| group.plateau.as_ref()))
+            .map(|plateau| plateau.common_std > 0.0)
+            .collect();
+        2 * still.iter().filter(|still| **still).count() > still.len()
+    }
 }
 
 impl Dataset {

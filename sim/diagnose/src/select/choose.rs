@@ -86,14 +86,20 @@ impl Search<'_> {
         Some(near)
     }
 
-    /// The same with a delay for a hold whose frames do not show: by all that is known it is one.
+    /// The same with a delay for what by all that is known is one: a hold whose frames do not show, and of readings that stand still on a
+    /// count, which show no corners, whatever explains them no better.
     fn as_delay<'a>(&self, pool: &'a Pool, chosen: &Member) -> Option<&'a Member> {
-        let hold = chosen.fit.hypothesis.effects.iter().find(|one| one.is_hidden_hold())?.kind;
-        let delay = self.catalog.kinds().find(|kind| kind.site == Site::Line && *kind != hold)?;
-        let mut same = without(&chosen.kinds(), hold);
-        same.push(delay);
-        same.sort_by_key(|kind| kind.id);
-        pool.get(&same).filter(|same| chosen.evidence - same.evidence < POLICY.alike)
+        let delay = self.catalog.kinds().find(|kind| kind.site == Site::Line)?;
+        let stands_still = self.likelihood.data.stands_still();
+        let effects = chosen.fit.hypothesis.effects.iter().filter(|one| one.kind != delay);
+        let hidden = effects.filter(|one| one.is_hidden_hold() || stands_still);
+        let same = hidden.filter_map(|one| {
+            let mut same = without(&chosen.kinds(), one.kind);
+            same.push(delay);
+            same.sort_by_key(|kind| kind.id);
+            pool.get(&same).filter(|same| chosen.evidence - same.evidence < POLICY.alike)
+        });
+        same.max_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on

@@ -5,5 +5,6 @@ pub mod columns;
 pub(crate) mod even;
 pub mod gaps;
 pub mod readings;
+pub mod resolution;
 pub mod ripple;
 pub mod spikes;

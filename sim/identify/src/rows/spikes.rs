@@ -2,6 +2,8 @@
 
 use rotorlead_numerics::sample::{STD_PER_MEDIAN_DEVIATION, median};
 
+use super::resolution::resolution;
+
 /// Rows on each side of a reading that it is compared with. Chosen: a median of nine rides over four bad readings in a row and leaves any
 /// monotone transient as it is; a wider one takes a short swing for a spike.
 const HALF_WIDTH: usize = 4;
@@ -28,8 +30,9 @@ pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
     let distances = (0..n).filter(|&k| center[k] != 0.0).map(|k| (y[k] - center[k]).abs());
     let Some(distance) = median(distances) else { return (y.to_vec(), vec![false; n]) };
     let std = STD_PER_MEDIAN_DEVIATION * distance;
-    let spike: Vec<bool> =
-        (0..n).map(|k| (y[k] - center[k]).abs() > (STDS * std).max(SHARE * center[k].abs())).collect();
+    // A reading may be on the next count. Derived: nearer to one than to two.
+    let least = (STDS * std).max(1.5 * resolution(y));
+    let spike: Vec<bool> = (0..n).map(|k| (y[k] - center[k]).abs() > least.max(SHARE * center[k].abs())).collect();
     let clean = (0..n).map(|k| if spike[k] { center[k] } else { y[k] }).collect();
     (clean, spike)
 }

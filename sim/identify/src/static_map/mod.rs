@@ -279,6 +279,9 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
     let unit = solution.unit_covariance.as_ref().ok_or(StaticMapError::NoFit)?;
     let dof = (points.len() - shape.parameter_count()) as f64;
     let variance = solution.sum_of_squares / dof;
+    // Visits to a level have the error of its readings' resolution in common, which leaves no difference between them.
+    let common = points.iter().zip(&std).map(|(point, std)| (point.common_std / std).powi(2)).sum::<f64>();
+    let known = common / levels.len() as f64;
     let mut fit = StaticMapFit {
         coefficients: Vec::new(),
         range: (low, high),
@@ -290,7 +293,7 @@ pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapEr
         points: points.len(),
         warnings: Vec::from_iter(of_unknown_lag.then_some(StaticMapWarning::RampLag { both_ways })),
         shape,
-        covariance: unit * variance,
+        covariance: unit * variance.max(known),
         parameters: solution.parameters,
         dof,
     };

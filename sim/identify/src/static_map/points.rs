@@ -18,6 +18,8 @@ pub struct SteadyPoint {
     pub response: f64,
     /// Standard error of `response`, as its own rows tell it.
     pub std: f64,
+    /// What of it the resolution of the readings makes, which is the same at each visit of a level.
+    pub common_std: f64,
 }
 
 /// All that a record tells.
@@ -142,7 +144,7 @@ impl SteadyPoints {
             let direction = if command < before { Direction::Down } else { Direction::Up };
             before = command;
             // All alike: the table does not say better. Chosen: a percent of the highest; the fit scales it by what it leaves.
-            SteadyPoint { command, direction, response, std: STILL_SHARE * highest }
+            SteadyPoint { command, direction, response, std: STILL_SHARE * highest, common_std: 0.0 }
         };
         let running: Vec<SteadyPoint> = rows().map(point).filter(|point| !stands(point.response)).collect();
         let lowest = running.iter().map(|point| point.command).fold(f64::INFINITY, f64::min);
@@ -158,5 +160,6 @@ fn point(plateau: &Plateau) -> SteadyPoint {
         direction: plateau.direction.unwrap_or(Direction::Up),
         response: plateau.mean,
         std: plateau.mean_std,
+        common_std: plateau.common_std,
     }
 }

@@ -11,6 +11,7 @@ use rotorlead_records::{CommandShape, Output, Record};
 
 use super::points::{STILL_SHARE, SteadyPoint, SteadyPoints, SteadySource};
 use crate::lag::steps::Direction;
+use crate::rows::resolution::{common_std, resolution};
 use crate::rows::spikes::without_spikes;
 
 /// Bins of the command's range that a ramp is cut into. Chosen: many points for at most 8 parameters; wider bins blur a bend, narrower ones
@@ -49,6 +50,8 @@ pub(super) fn points(record: &Record, output: Output, lag_s: Option<f64>) -> Opt
 struct Ramp<'a> {
     record: &'a Record,
     response: Vec<f64>,
+    /// The step of its readings, response units.
+    resolution: f64,
     /// Which way the command goes, or went last, at each row.
     direction: Vec<Direction>,
 }
@@ -66,7 +69,7 @@ impl<'a> Ramp<'a> {
             direction.push(way);
         }
         direction.push(way);
-        Self { record, response, direction }
+        Self { record, resolution: resolution(&response), response, direction }
     }
 
     /// The points at which the motor runs, and the highest command at which it stands still, where the response is that of the command
@@ -92,7 +95,8 @@ impl<'a> Ramp<'a> {
             if response < STILL_SHARE * highest {
                 still = Some(still.map_or(command, |before: f64| before.max(command)));
             } else {
-                points.push(SteadyPoint { command, direction, response, std });
+                let common_std = common_std(self.resolution, variance(seen).sqrt());
+                points.push(SteadyPoint { command, direction, response, std: std.hypot(common_std), common_std });
             }
         };
         let (mut start, mut turned_s) = (0, time_s[0]);

@@ -13,6 +13,7 @@ use rotorlead_numerics::sample::variance;
 
 use super::residual_power::ResidualPower;
 use crate::lag::steps::Run;
+use crate::rows::resolution::{reading_std, resolution};
 use crate::spectra;
 
 /// A level has settled after this many time constants. Chosen: a thousandth of the step, `e^-7`, is left; less counts its rest as noise,
@@ -28,11 +29,8 @@ const ROUNDING: f64 = 1e-9;
 /// Whether noise of this variance shows in a response: a sensor of coarse steps, or one that was computed, stands still where it
 /// should scatter, and a variance below that of rounding to its steps is not the noise's.
 pub(super) fn shows(variance: f64, response: &[f64]) -> bool {
-    let step = response.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    let step = step.fold(f64::INFINITY, f64::min);
     let largest = response.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    // Derived: rounding to steps is uniform, with a variance of a twelfth of their square.
-    variance > (step * step / 12.0).max((ROUNDING * largest).powi(2))
+    variance > reading_std(resolution(response)).max(ROUNDING * largest).powi(2)
 }
 
 /// Degrees of freedom of noise with these powers by bin, each the average of `samples` complex ones.

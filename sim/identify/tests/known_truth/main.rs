@@ -2,6 +2,7 @@
 
 mod alignment;
 mod chirps;
+mod counts;
 mod coverage;
 mod flight_records;
 mod flights;

@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use rotorlead_identify::lag::steps::{StaircaseFit, fit_staircase};
+use rotorlead_identify::lag::steps::{StaircaseFit, StepsWarning, fit_staircase};
 use rotorlead_records::import::{Import, ImportOptions, import, import_bytes};
 use rotorlead_records::shared_data::data;
 use rotorlead_records::{Excitation, Output, Record};
@@ -84,7 +84,7 @@ fn imported(table: &str) -> Record {
 
 #[test]
 fn autopilots_that_log_the_command_faster_than_the_esc() {
-    for (log, known_s) in [("log.bin", 0.006), ("log.ulg", 0.004)] {
+    for (log, known_s) in [("log.bin", 0.009), ("log.ulg", 0.004)] {
         let Some(log) = data(&format!("cases/command-stamps-dropped/{log}")) else { continue };
         let Import { experiment, .. } = import(&log, &ImportOptions::default()).unwrap();
         let record = &experiment.records[0];
@@ -93,20 +93,56 @@ fn autopilots_that_log_the_command_faster_than_the_esc() {
     }
 }
 
-/// As PlotJuggler exports them; with and without a dead time.
+/// A row for each message, as PlotJuggler exports them: the command at these stamps, and a speed every 20 ms.
+fn messages(motor: &Motor, stamps: Vec<f64>, rng: &mut ChaCha8Rng) -> Record {
+    let commands = stamps.into_iter().map(|t| (t, format!("{t},{},\n", motor.command(t))));
+    let reports = Motor::stamps(rng, 0.02).into_iter();
+    let reports = reports.map(|t| (t, format!("{t},,{}\n", motor.reading(rng, t))));
+    let mut rows: Vec<(f64, String)> = commands.chain(reports).collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let rows: String = rows.into_iter().map(|(_, row)| row).collect();
+    imported(&format!("time_s,command,rpm\n{rows}"))
+}
+
+/// With and without a dead time.
 #[test]
 fn a_row_for_each_message() {
     for (seed, dead_s) in [(1, 0.020), (2, 0.0)] {
         let (motor, mut rng) = Motor::new(dead_s, seed);
         let stamps = Motor::stamps(&mut rng, 0.005);
         let motor = motor.at(&stamps);
-        let commands = stamps.into_iter().map(|t| (t, format!("{t},{},\n", motor.command(t))));
-        let reports = Motor::stamps(&mut rng, 0.02).into_iter();
-        let reports = reports.map(|t| (t, format!("{t},,{}\n", motor.reading(&mut rng, t))));
-        let mut rows: Vec<(f64, String)> = commands.chain(reports).collect();
-        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let rows: String = rows.into_iter().map(|(_, row)| row).collect();
-        assert_dead_time(&imported(&format!("time_s,command,rpm\n{rows}")), dead_s, 0.003);
+        assert_dead_time(&messages(&motor, stamps, &mut rng), dead_s, 0.005);
+    }
+}
+
+/// Commands that are logged every so many seconds are stamped late by as much at most: by the same at each step, or by another.
+#[test]
+fn the_interval_of_the_stamps_is_in_that_of_the_dead_time() {
+    for interval_s in [0.0025, 0.01, 0.1] {
+        for phase in [Some(0.0), Some(0.3), Some(0.7), None] {
+            let (mut held, mut widths) = (0, Vec::new());
+            for seed in 0..40 {
+                let dead_s = 0.035;
+                let (mut motor, mut rng) = Motor::new(dead_s, seed);
+                let first = rng.random_range(0.0..interval_s);
+                let stamps: Vec<f64> =
+                    (0..(14.0 / interval_s) as usize).map(|k| first + interval_s * k as f64).collect();
+                for (k, begin) in motor.begins_s.iter_mut().enumerate() {
+                    let after = phase.unwrap_or_else(|| rng.random_range(0.0..1.0));
+                    // 2 s are whole intervals; what is given at a stamp is in it.
+                    *begin = 2.0 * k as f64 + first + after * interval_s - 1e-9;
+                }
+                let fit = fitted(&messages(&motor, stamps, &mut rng));
+                let (low, high) = fit.delay_s.interval(0.95);
+                held += usize::from(low <= dead_s && dead_s <= high);
+                widths.push(high - low);
+                let lead = fit.warnings.iter().any(|warning| matches!(warning, StepsWarning::NegativeDelay { .. }));
+                assert!(!lead && fit.steps.iter().all(|step| step.time_constant_s().is_some()), "{:?}", fit.warnings);
+            }
+            widths.sort_by(f64::total_cmp);
+            println!("{interval_s} s, {phase:?}: {held} of 40, width {:.4} s", widths[20]);
+            assert!(held >= 36, "{interval_s} s, {phase:?}: {held} of 40");
+        }
     }
 }
 
@@ -123,7 +159,7 @@ fn rows_without_a_speed() {
     }
     let record = imported(&table);
     assert!(record.command_log.is_some());
-    assert_dead_time(&record, 0.020, 0.006);
+    assert_dead_time(&record, 0.020, 0.013);
 }
 
 /// As messages on a bus: a command is sent once, when it changes.

@@ -54,7 +54,7 @@ fn staircase(truth: &Truth, seed: u64) -> SteadyPoints {
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
             let chi_square: f64 = (0..4).map(|_| normal().powi(2)).sum();
             let response = truth.at(command, Some(direction)) + STD * normal();
-            SteadyPoint { command, direction, response, std: STD * (chi_square / 4.0).sqrt() }
+            SteadyPoint { command, direction, response, std: STD * (chi_square / 4.0).sqrt(), common_std: 0.0 }
         })
         .collect();
     SteadyPoints { running, still: Some(0.05), source: SteadySource::Plateaus }

@@ -23,7 +23,10 @@ const COMMANDS: &str = "time_s,command\n-0.005,0.2\n0.005,0.2\n0.015,0.4\n0.025,
 fn rows_without_a_command_have_that_of_its_file() {
     let steps = with_commands("\"free\"", ROWS, COMMANDS).unwrap().records.remove(0);
     assert_eq!(steps.command, [0.2, 0.4, 0.6, 0.6]);
-    assert_eq!(steps.command_changes(0..4), Some((vec![0.0, 0.015, 0.030], vec![0.2, 0.4, 0.6])));
+    // The file repeats its commands every 10 ms, and each changed up to that before its stamp.
+    let (times, commands) = steps.command_changes(0..4).unwrap();
+    assert_eq!(commands, [0.2, 0.4, 0.6]);
+    assert!(times.iter().zip([0.0, 0.010, 0.025]).all(|(time, exact)| (time - exact).abs() < 1e-12), "{times:?}");
     // A chirp's is the mean of each row, and is not to be held.
     let chirp = with_commands("\"chirp\"", ROWS, COMMANDS).unwrap().records.remove(0);
     assert_eq!((chirp.excitation, chirp.command_changes(0..4)), (Excitation::Chirp, None));

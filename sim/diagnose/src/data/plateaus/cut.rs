@@ -110,7 +110,7 @@ fn prepare_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared 
             command: own.command,
             step: own.command - before,
             rank: levels.partition_point(|level| *level < own.command - SAME_LEVEL),
-            noise: own.std.max(floor),
+            noise: own.noise_std.max(floor),
             split: Split::Train,
             plateau: Some(own),
         });

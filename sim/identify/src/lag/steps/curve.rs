@@ -82,16 +82,23 @@ const BISECTIONS: usize = 24;
 
 impl TimeConstantCurve {
     /// The curve through some readings; which of them contradict the others comes with it. `None` without any.
-    pub(super) fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>) -> Option<(Self, Vec<(usize, f64)>)> {
+    ///
+    /// `common` is an error, of one standard deviation, that all readings have together: the curve's band holds it, and its weights do not
+    /// rest on it.
+    pub(super) fn fit(
+        readings: &[StepTimeConstant],
+        covariance: &DMatrix<f64>,
+        common: &DVector<f64>,
+    ) -> Option<(Self, Vec<(usize, f64)>)> {
         let mut used: Vec<usize> = (0..readings.len()).collect();
         let mut left_out = Vec::new();
         let most = (MOST_LEFT_OUT * readings.len() as f64) as usize;
         while left_out.len() < most
-            && let Some((place, ratio)) = farthest(readings, covariance, &used)
+            && let Some((place, ratio)) = farthest(readings, (covariance, common), &used)
         {
             left_out.push((used.remove(place), ratio));
         }
-        Some((fit(readings, covariance, &used)?, left_out))
+        Some((fit(readings, (covariance, common), &used)?, left_out))
     }
 
     /// Whether a step of its range leads there.
@@ -185,16 +192,16 @@ fn row_toward(command: f64, direction: Direction) -> Coefficients {
 }
 
 /// The reading that is farthest from what the others say, where that is too far: its place in `used`, and its ratio to them.
-fn farthest(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize]) -> Option<(usize, f64)> {
+fn farthest(readings: &[StepTimeConstant], errors: Errors<'_>, used: &[usize]) -> Option<(usize, f64)> {
     let mut worst: Option<(usize, f64, f64)> = None;
     for place in 0..used.len() {
         let mut others = used.to_vec();
         let own = others.remove(place);
         let reading = &readings[own];
-        let curve = fit(readings, covariance, &others)?;
+        let curve = fit(readings, errors, &others)?;
         let row = row_toward(reading.command, reading.direction);
         let apart = reading.log_tau - row.dot(&curve.coefficients);
-        let variance = row.dot(&(curve.covariance * row)) + curve.between_std.powi(2) + covariance[(own, own)];
+        let variance = row.dot(&(curve.covariance * row)) + curve.between_std.powi(2) + errors.0[(own, own)];
         let far = apart.abs() / variance.sqrt();
         let reach = t_quantile(1.0 - 0.5 * CONTRADICTION_LEVEL / used.len() as f64, curve.dof);
         if far > reach && worst.is_none_or(|(_, most, _)| far / reach > most) {
@@ -204,8 +211,11 @@ fn farthest(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[us
     worst.map(|(place, _, ratio)| (place, ratio))
 }
 
+/// The covariance of readings, and an error that all have together.
+type Errors<'a> = (&'a DMatrix<f64>, &'a DVector<f64>);
+
 /// Generalized least squares with the variance between steps. What is known beforehand are further observations.
-fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize]) -> Option<TimeConstantCurve> {
+fn fit(readings: &[StepTimeConstant], (covariance, common): Errors<'_>, used: &[usize]) -> Option<TimeConstantCurve> {
     let count = used.len();
     if count == 0 {
         return None;
@@ -215,6 +225,7 @@ fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize])
     let x = DMatrix::from_fn(count, TERMS, |i, j| rows[i][j]);
     let y = DVector::from_iterator(count, used.iter().map(|&k| readings[k].log_tau));
     let own = DMatrix::from_fn(count, count, |i, j| covariance[(used[i], used[j])]);
+    let common = DVector::from_iterator(count, used.iter().map(|&k| common[k]));
     let at = |between: f64| -> Option<(Coefficients, Covariance, f64)> {
         let v = Cholesky::new(&own + DMatrix::from_diagonal_element(count, count, between))?;
         let vx = v.solve(&x);
@@ -227,9 +238,11 @@ fn fit(readings: &[StepTimeConstant], covariance: &DMatrix<f64>, used: &[usize])
         }
         let covariance = normal.cholesky()?.inverse();
         let coefficients = covariance * right;
+        let off = vx.tr_mul(&common);
+        let off = covariance * Coefficients::from_fn(|i, _| off[i]);
         let left = &y - DVector::from_fn(count, |i, _| rows[i].dot(&coefficients));
         let of_prior = (1..).zip(PRIOR).map(|(term, (mean, std))| ((coefficients[term] - mean) / std).powi(2));
-        Some((coefficients, covariance, left.dot(&v.solve(&left)) + of_prior.sum::<f64>()))
+        Some((coefficients, covariance + off * off.transpose(), left.dot(&v.solve(&left)) + of_prior.sum::<f64>()))
     };
     // All observations less all coefficients: the constant alone has no prior.
     let dof = (count - 1) as f64;

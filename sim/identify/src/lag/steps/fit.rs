@@ -23,13 +23,22 @@
 //! `v` of the response: `s^2 + (s_t v)^2`. `s_t` is one for the record, by moments from what a first fit leaves where the response
 //! moves; besides jitter it takes whatever a lag does not explain of the way. It widens the intervals and leaves the weights of
 //! the rows as they are: else a response that is no lag would be judged by its tail alone.
+//!
+//! Readings in counts that stand still have their error in common (`rows::resolution`), of variance `c`. Each of `n` in a row is weighed
+//! as of variance `s^2 + (n - 1) c`, so that all together know as much as one. Levels that are whole counts apart, as those of even steps
+//! may be, are all off by the same: what that makes of each time constant and of the delay stands in their joint intervals.
+//!
+//! # Stamps of the command
+//! A log that repeats a command every `T` seconds stamps its change late by 0 to `T`, on average by `T / 2`, with a variance of `T^2 / 12`.
+//! What of that the onsets do not show as scatter between steps, as where both clocks keep their phase, is common to all steps: it stands
+//! in the delay's interval and does not shrink with their number.
 
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead_numerics::least_squares::{Damping, Decrease, NormalEquations as _, SearchEnd, Strategy, search};
 use rotorlead_numerics::normal_equations::scaled_inverse;
-use rotorlead_numerics::sample::{median, variance};
+use rotorlead_numerics::sample::{mean, median, variance};
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rotorlead_plant::Lagged;
 
 use super::plateaus::Plateau;
@@ -40,6 +49,7 @@ use super::{Run, StepsError};
 use crate::estimate::Estimate;
 use crate::goodness_of_fit::{percent_with_residual, spread};
 use crate::rows::gaps::rows_after_gaps;
+use crate::rows::resolution::{resolution, standing};
 
 /// Most steps that are fitted at once. Chosen: the solve takes time with the cube of the steps, and 24 know their common delay five times,
 /// `sqrt(24)`, as well as one; half or double changes little.
@@ -81,6 +91,8 @@ pub(super) struct LagFit {
     pub(super) bend_per_s: f64,
     /// Standard deviation of the onsets, seconds.
     pub(super) onset_std_s: f64,
+    /// How much before its command a response may seem to move, seconds: the command's stamp is late by so much at most.
+    pub(super) most_lead_s: f64,
     /// Standard deviation of time stamps, seconds.
     pub(super) stamp_std_s: f64,
     /// What the first pass leaves, and what the fit does.
@@ -88,6 +100,8 @@ pub(super) struct LagFit {
     pub(super) chi_square: ChiSquare,
     /// Covariance of the logarithms of the time constants of the steps that have a lag, in their order.
     pub(super) covariance: DMatrix<f64>,
+    /// What the same logarithms are off by where all levels are off by a standard deviation of their resolution.
+    pub(super) resolution_shift: DVector<f64>,
 }
 
 impl LagFit {
@@ -126,8 +140,8 @@ pub(super) struct StepRows<'a> {
     /// What is taken to lag, and what is known of its curvature beforehand: mean and standard deviation.
     pub(super) lagged: Lagged,
     pub(super) curvature: (f64, f64),
-    /// Standard deviation of the moments of the command's own stamps, seconds, where it has them.
-    pub(super) change_std_s: Option<f64>,
+    /// How late the command's own stamps may be, seconds, where it has them.
+    pub(super) late_s: Option<f64>,
 }
 
 /// Fits the steps that have no fault. `frame_s` is the ESC's frame, where known.
@@ -147,15 +161,16 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     }
     let row_s = (data.time_s[data.time_s.len() - 1] - data.time_s[0]) / (data.time_s.len() - 1) as f64;
     // Uniform within a row, unless the command has stamps of its own, and within a frame.
-    let change_std_s = data.change_std_s.map_or(row_s / 12.0_f64.sqrt(), |std_s| std_s.max(LEAST_CHANGE_STD_S));
-    let least_onset_std_s = change_std_s.hypot(frame_s / 12.0_f64.sqrt());
+    let change_std_s = uniform_std(data.late_s.unwrap_or(row_s)).max(LEAST_CHANGE_STD_S);
+    let least_onset_std_s = change_std_s.hypot(uniform_std(frame_s));
     let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
     let highest = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
     let law = StepLaw { lagged: data.lagged, reference: data.lagged.at_response(highest), usual_s: rise_s };
-    let quantum = quantum(data, runs);
+    let resolution = resolution(data.y);
     let after_gaps = rows_after_gaps(data.time_s);
+    let pairs = || runs.iter().flat_map(|run| run.plateaus.windows(2));
     let mut windows: Vec<Window> =
-        used.iter().map(|&k| window(data, plateaus(), &steps[k], &after_gaps, quantum)).collect();
+        used.iter().map(|&k| window(data, pairs(), &steps[k], &after_gaps, resolution)).collect();
 
     let batches = windows.len().div_ceil(windows.len().div_ceil(BATCH));
     let first_onset_std_s = FREE_ONSET_STD_S.max(least_onset_std_s);
@@ -164,7 +179,11 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|steps| {
-            first_pass(&StepProblem { steps, onset_std_s: first_onset_std_s, curvature: data.curvature, law }, rise_s)
+            first_pass(
+                &StepProblem { steps, onset_std_s: first_onset_std_s, curvature: data.curvature, law },
+                rise_s,
+                data.half_late_s(),
+            )
         })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
@@ -174,7 +193,10 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
     });
     let (sum, count) =
         of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
-    let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
+    let onset_variance = sum / count;
+    let onset_std_s = onset_variance.sqrt().max(least_onset_std_s);
+    let shown_variance = (onset_variance - uniform_std(frame_s).powi(2)).max(0.0);
+    let common_std_s = data.late_s.map_or(0.0, |late_s| (uniform_std(late_s).powi(2) - shown_variance).max(0.0).sqrt());
     let left: f64 = rough.iter().flat_map(|fitted| fitted.at.residuals.iter().flatten()).map(|r| r * r).sum();
     let rows = windows.iter().flat_map(|window| &window.weight).filter(|weight| **weight > 0.0).count();
     let first_chi_square = ChiSquare { sum: left, rows };
@@ -210,22 +232,29 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
         lagged: law.lagged,
         bend_per_s: 0.0,
         onset_std_s,
+        most_lead_s: data.late_s.map_or(row_s, |_| data.half_late_s()),
         stamp_std_s,
         first_chi_square,
         chi_square,
         covariance: DMatrix::zeros(windows.len(), windows.len()),
+        resolution_shift: DVector::zeros(windows.len()),
     };
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
+    let (mut delay_shifts, mut curvature_shifts) = (Vec::new(), Vec::new());
     for (batch, (problem, fitted)) in
         windows.chunks(batches).map(|steps| StepProblem { steps, onset_std_s, curvature, law }).zip(&fits).enumerate()
     {
         let covariance = fitted.covariance(&problem, &correlation);
+        let shift = fitted.shift_by_resolution(&problem).unwrap_or_else(|| DVector::zeros(fitted.at.parameters.len()));
+        delay_shifts.push(shift[DELAY]);
+        curvature_shifts.push(shift[CURVATURE]);
         let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
         let p = &fitted.at.parameters;
         let std = |at: usize| covariance.as_ref().map_or(f64::INFINITY, |c| c[(at, at)].max(0.0).sqrt());
         delays.push(Estimate::normal(p[DELAY], std(DELAY)));
         curvatures.push(Estimate::normal(p[CURVATURE], std(CURVATURE)));
         for (i, &step) in own.iter().enumerate() {
+            result.resolution_shift[step] = shift[StepProblem::time_constant_index(i)];
             for (j, &other) in own.iter().enumerate() {
                 let (a, b) = (StepProblem::time_constant_index(i), StepProblem::time_constant_index(j));
                 let unknown = if i == j { f64::INFINITY } else { 0.0 };
@@ -245,8 +274,9 @@ pub(super) fn fit(data: &StepRows<'_>, runs: &[Run], steps: &mut [Step], frame_s
             });
         }
     }
-    result.delay_s = pooled(&delays);
-    let curvature = pooled(&curvatures);
+    let with = |estimate: Estimate, common: f64| Estimate { std: estimate.std.hypot(common), ..estimate };
+    result.delay_s = with(pooled(&delays), common_std_s.hypot(mean(&delay_shifts)));
+    let curvature = with(pooled(&curvatures), mean(&curvature_shifts));
     result.bend_per_s = law.bend_per_s(curvature.value);
     let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
     let scale = median(taus).unwrap_or(law.usual_s) / law.usual_s;
@@ -298,14 +328,28 @@ impl Fitted {
             blocks.map(|(block, window)| block.tr_mul(&correlated(block, correlation, &window.stamp_variance)));
         Some(&unit * problem.assemble_normal_matrix(filling) * &unit)
     }
+
+    /// What the parameters are off by where all readings that stand on a level are off by a standard deviation of their common error.
+    fn shift_by_resolution(&self, problem: &StepProblem<'_>) -> Option<DVector<f64>> {
+        let unit = scaled_inverse(&self.linearization.matrix, 0.0)?;
+        let mut right = DVector::zeros(unit.nrows());
+        for (k, (block, window)) in self.linearization.blocks.iter().zip(problem.steps).enumerate() {
+            let off = window.weight.iter().zip(&window.common_std).map(|(weight, std)| weight * std);
+            let local = block.tr_mul(&DVector::from_iterator(block.nrows(), off));
+            for (place, value) in local.iter().enumerate() {
+                right[StepProblem::global_index(k, place)] += value;
+            }
+        }
+        Some(unit * right)
+    }
 }
 
-fn first_pass(problem: &StepProblem<'_>, rise_s: f64) -> Option<Fitted> {
+fn first_pass(problem: &StepProblem<'_>, rise_s: f64, half_late_s: f64) -> Option<Fitted> {
     let mut best: Option<Fitted> = None;
     // The delay's basin is about a time constant wide, so start within and beyond it: from no delay to 0.8 of the rise. The time constant
     // is the rest of the rise. Chosen: 0.9 of the share keeps it above zero, 0.28 of the rise at the last.
     for share in [0.0, 0.4, 0.8] {
-        let mut start = vec![share * rise_s, problem.curvature.0];
+        let mut start = vec![share * rise_s - half_late_s, problem.curvature.0];
         let log_tau = ((1.0 - 0.9 * share) * rise_s).ln();
         start.extend(problem.steps.iter().flat_map(|_| [1.0, 1.0, 0.0, log_tau]));
         if let Some(look) = Fitted::from(problem, start, FIRST_LOOK)
@@ -353,39 +397,61 @@ fn reasons(steps: &[Step]) -> String {
     said.join("; ")
 }
 
-/// Time from the command to 63 % of the step, seconds.
+/// Standard deviation of what is anywhere within a range.
+fn uniform_std(range: f64) -> f64 {
+    range / 12.0_f64.sqrt()
+}
+
+impl StepRows<'_> {
+    /// How much before its moment a command may have changed, seconds.
+    fn half_late_s(&self) -> f64 {
+        0.5 * self.late_s.unwrap_or(0.0)
+    }
+}
+
+/// Time from the earliest that the command may have changed to 63 % of the step, seconds.
 fn rise_s(data: &StepRows<'_>, step: &Step) -> f64 {
     let target = step.before + (1.0 - (-1.0f64).exp()) * (step.after - step.before);
     let rising = step.after > step.before;
-    let risen = (step.row..step.window.end).find(|&i| (data.y[i] > target) == rising).unwrap_or(step.row);
-    (data.time_s[risen] - step.at_s).max(step.at_s - data.time_s[step.row - 1])
-}
-
-/// The smallest change from one reading to the next that is one: a sensor's resolution, where it has a coarse one.
-fn quantum(data: &StepRows<'_>, runs: &[Run]) -> f64 {
-    let changes = runs.iter().flat_map(|run| data.y[run.rows()].windows(2)).map(|pair| (pair[1] - pair[0]).abs());
-    let least = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least } else { 0.0 }
+    let from_s = step.at_s - data.half_late_s();
+    let first = data.time_s.partition_point(|time| *time < from_s).max(step.window.start + 1);
+    let risen = (first..step.window.end).find(|&i| (data.y[i] > target) == rising).unwrap_or(first);
+    (data.time_s[risen] - from_s).max(from_s - data.time_s[first - 1])
 }
 
 fn window<'p>(
     data: &StepRows<'_>,
-    mut plateaus: impl Iterator<Item = &'p Plateau>,
+    mut pairs: impl Iterator<Item = &'p [Plateau]>,
     step: &Step,
     after_gaps: &[usize],
-    quantum: f64,
+    resolution: f64,
 ) -> Window {
-    let settled = plateaus.find(|plateau| plateau.rows.start == step.row).map_or(0.0, |plateau| plateau.std);
-    // Uniform within the sensor's resolution. One that reads the same value all the time has some still: a thousandth of the step, chosen.
-    let noise = settled.max(quantum / 12.0_f64.sqrt()).max(1e-3 * (step.after - step.before).abs());
     let says = |row: usize| !data.without_reading[row] && after_gaps.binary_search(&row).is_err();
+    let pair = pairs.find(|pair| pair[1].rows.start == step.row).unwrap_or_default();
+    // A sensor that reads the same value all the time has some noise still: a thousandth of the step, chosen.
+    let noise = pair.last().map_or(0.0, |to| to.noise_std).max(1e-3 * (step.after - step.before).abs());
+    let rows: Vec<usize> = step.window.clone().filter(|&row| says(row)).collect();
+    let readings: Vec<f64> = rows.iter().map(|&row| data.y[row]).collect();
+    let (mut weight, mut common_std) = (vec![0.0; step.window.len()], vec![0.0; step.window.len()]);
+    let standing = standing(&readings, resolution);
+    let ends = (standing.first().copied().unwrap_or(0), rows.len() - standing.last().copied().unwrap_or(0));
+    for (place, (&row, &standing)) in rows.iter().zip(&standing).enumerate() {
+        let level = if row < step.row { pair.first() } else { pair.last() };
+        let common = level.map_or(0.0, |level| level.common_std);
+        weight[row - step.window.start] = noise.hypot(((standing - 1) as f64).sqrt() * common).recip();
+        // Readings on the way are each anywhere within a count.
+        if place < ends.0 || place >= ends.1 {
+            common_std[row - step.window.start] = common;
+        }
+    }
     Window {
         change_s: step.at_s,
         before: step.before,
         after: step.after,
         time_s: data.time_s[step.window.clone()].to_vec(),
         y: data.y[step.window.clone()].to_vec(),
-        weight: step.window.clone().map(|row| if says(row) { 1.0 / noise } else { 0.0 }).collect(),
+        weight,
+        common_std,
         mean_s: data.mean_s,
         stamp_variance: vec![0.0; step.window.len()],
         excess: 1.0,

@@ -137,13 +137,15 @@ fn branch(
     }
     let n = seen.len() as f64;
     let mean = seen.iter().map(|p| p.mean).sum::<f64>() / n;
-    let error = seen.iter().map(|p| p.mean_std * p.mean_std).sum::<f64>();
+    // What their readings have in common, the same level has at each visit.
+    let common = seen.iter().map(|p| p.common_std * p.common_std).sum::<f64>();
+    let error = seen.iter().map(|p| p.mean_std * p.mean_std).sum::<f64>() - common;
     let variance = seen.iter().map(|p| p.std * p.std).sum::<f64>() / n;
     let own: Vec<&Step> = steps.iter().filter(|step| step.direction() == direction && here(step.to)).collect();
     let percents: Vec<f64> =
         own.iter().filter_map(|step| Some(step.time_constant_s().and(step.lag)?.fit_percent)).collect();
     Some(Branch {
-        mean: Estimate::normal(mean, error.sqrt() / n),
+        mean: Estimate::normal(mean, (common / n).sqrt().hypot(error.max(0.0).sqrt() / n)),
         std: variance.sqrt(),
         time_constant_s: joined(own.iter().filter_map(|step| step.time_constant_s())),
         fit_percent: (!percents.is_empty()).then(|| sample::mean(&percents)),

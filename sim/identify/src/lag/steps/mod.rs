@@ -48,7 +48,7 @@ mod warnings;
 
 use std::ops::Range;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
@@ -60,7 +60,7 @@ pub use plateaus::Direction;
 pub use warning::{LeftOut, StepsWarning};
 
 use rotorlead_plant::Lagged;
-use rotorlead_records::{Output, Record};
+use rotorlead_records::{CommandLog, Output, Record};
 
 use crate::estimate::{Estimate, MAX_RELATIVE_STD};
 use crate::goodness_of_fit::{fit_percent, percent_with_residual, spread};
@@ -104,9 +104,9 @@ pub struct StaircaseFit {
     pub levels: Vec<Level>,
     /// The direction in which more levels were seen; gains and the static map are taken from it.
     pub main_direction: Direction,
-    /// Delay of all steps in seconds, as logged: from the stamp of the new command, its own or that of its first row. The log may
-    /// stamp late by up to a row, so it can be negative. Half an ESC frame is taken
-    /// off where the frame is known.
+    /// Delay of all steps in seconds, as logged: from the stamp of the new command's first row, or from half an interval before its own
+    /// in a log that repeats its commands. The log may stamp late by up to a row, so it can be negative. Half an ESC frame is taken off
+    /// where the frame is known.
     pub delay_s: Estimate,
     /// Standard deviation of single steps' delays about [`Self::delay_s`], seconds: in which part of a row
     /// or of a frame the command changed.
@@ -162,7 +162,6 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let runs = Run::all(record, output)?;
     let steps = step::find_steps(&record.time_s, &runs);
     let (y, without_reading) = (runs[0].clean.clone(), runs[0].rows_without_reading());
-    let change_std_s = record.command_log.as_ref().map(|log| log.resolution_s() / 12.0_f64.sqrt());
     let data = StepRows {
         name: &record.file,
         time_s: &record.time_s,
@@ -171,7 +170,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         mean_s: 0.0,
         lagged: Lagged::Response,
         curvature: CURVATURE_KNOWN,
-        change_std_s,
+        late_s: record.command_log.as_ref().map(CommandLog::resolution_s),
     };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
     let limit = runs.iter().find_map(|run| run.limits.first());
@@ -283,7 +282,8 @@ fn join(steps: &mut [Step], lag: &LagFit) -> Option<TimeConstantCurve> {
     };
     let readings: Vec<StepTimeConstant> = known.iter().map(reading).collect();
     let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| lag.covariance[(known[i], known[j])]);
-    let (curve, left_out) = TimeConstantCurve::fit(&readings, &covariance)?;
+    let resolution_shift = DVector::from_fn(known.len(), |i, _| lag.resolution_shift[known[i]]);
+    let (curve, left_out) = TimeConstantCurve::fit(&readings, &covariance, &resolution_shift)?;
     for (place, ratio) in left_out {
         steps[fitted[known[place]]].fault = Some(StepFault::Contradicts { ratio });
     }

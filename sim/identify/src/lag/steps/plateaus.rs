@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use rotorlead_numerics::sample::{mean, median, variance};
-use rotorlead_records::{Output, Record};
+use rotorlead_records::{CommandLog, Output, Record};
 
 use crate::rows::gaps::rows_after_gaps;
+use crate::rows::resolution::{common_std, reading_std, resolution};
 
 /// Shortest time in seconds that counts as a plateau. Chosen: five time constants of a quick motor, 50 ms; a shorter one has not settled,
 /// and a longer limit leaves out quick staircases.
@@ -67,7 +68,7 @@ pub struct Plateau {
     pub rows: Range<usize>,
     /// Command that is held.
     pub command: f64,
-    /// When the command changed to it, seconds: by its own stamps, or at the first of the rows.
+    /// When the command changed to it, seconds: by its own stamps, half an interval before where they repeat, or at the first of the rows.
     pub change_s: f64,
     /// The gap in the command's stamps, seconds, in which that was, where it was in one.
     pub change_gap_s: Option<f64>,
@@ -77,8 +78,14 @@ pub struct Plateau {
     pub mean: f64,
     /// Standard deviation of the response over the settled rows.
     pub std: f64,
-    /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
+    /// Standard deviation of a reading: the same, and not below that by its resolution.
+    pub noise_std: f64,
+    /// Standard error of `mean`, from the scatter of the means of batches, which includes slow drift, and with `common_std`.
     pub mean_std: f64,
+    /// Standard deviation of the error that its readings have in common, by their resolution.
+    pub common_std: f64,
+    /// Rows at its end in which the next command may be in force already: as many as its stamp may be late.
+    pub late_rows: usize,
     /// Whether its response settled.
     pub state: PlateauState,
     /// Whether the response stands on a limit there: it is then no response of the motor.
@@ -88,7 +95,13 @@ pub struct Plateau {
 impl Plateau {
     /// The rows taken as settled: the second half.
     pub fn settled(&self) -> Range<usize> {
-        self.rows.start + self.rows.len() / 2..self.rows.end
+        let middle = self.rows.start + self.rows.len() / 2;
+        middle..self.held_until().max(middle)
+    }
+
+    /// The first row in which the next command may be in force.
+    pub fn held_until(&self) -> usize {
+        self.rows.end - self.late_rows
     }
 
     /// Whether it is long enough to settle.
@@ -140,7 +153,8 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
     for end in changes(command).skip(1) {
         let direction =
             (start > 0).then(|| if command[start] > command[start - 1] { Direction::Up } else { Direction::Down });
-        let plateau = measured(start..end, command[start], direction, y);
+        let late_rows = changes_at.late_rows(start..end);
+        let plateau = measured(start..end, late_rows, command[start], direction, y);
         plateaus.push(changes_at.timed(plateau));
         start = end;
     }
@@ -159,6 +173,8 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
     let floor = standing_share(output) * fastest;
     let usual = median(plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std)).unwrap_or(0.0);
+    let resolution = resolution(y);
+    let usual = usual.max(reading_std(resolution));
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
         p.state = match p.std <= bound {
@@ -168,6 +184,9 @@ pub(super) fn find(record: &Record, y: &[f64], output: Output) -> Vec<Plateau> {
             true => PlateauState::Idle,
             false => PlateauState::NotSteady,
         };
+        p.common_std = common_std(resolution, p.std);
+        p.mean_std = p.mean_std.hypot(p.common_std);
+        p.noise_std = p.std.max(reading_std(resolution));
     }
     if output == Output::Rpm {
         mark_slow_running(&mut plateaus, SLOWEST_SPEED_SHARE * fastest);
@@ -195,19 +214,22 @@ fn mark_slow_running(plateaus: &mut [Plateau], slowest: f64) {
 /// When commands changed, by their own stamps or those of the rows.
 struct ChangeTimes<'a> {
     record: &'a Record,
+    /// How late a stamp of the command's own may be, seconds.
+    resolution_s: f64,
     /// The stamps that come after a gap.
     after_gaps: Vec<usize>,
 }
 
 impl<'a> ChangeTimes<'a> {
     fn new(record: &'a Record) -> Self {
+        let resolution_s = record.command_log.as_ref().map_or(0.0, CommandLog::resolution_s);
         let after_gaps = match &record.command_log {
             // A log of changes alone stands still in between.
-            Some(log) if log.resolution_s() == 0.0 => Vec::new(),
+            Some(_) if resolution_s == 0.0 => Vec::new(),
             Some(log) => rows_after_gaps(&log.time_s),
             None => rows_after_gaps(&record.time_s),
         };
-        Self { record, after_gaps }
+        Self { record, resolution_s, after_gaps }
     }
 
     fn timed(&self, plateau: Plateau) -> Plateau {
@@ -217,7 +239,18 @@ impl<'a> ChangeTimes<'a> {
             None => (&self.record.time_s, row),
         };
         let is_in_gap = self.after_gaps.binary_search(&at).is_ok();
-        Plateau { change_s: stamps[at], change_gap_s: is_in_gap.then(|| stamps[at] - stamps[at - 1]), ..plateau }
+        Plateau {
+            change_s: stamps[at] - 0.5 * self.resolution_s,
+            change_gap_s: is_in_gap.then(|| stamps[at] - stamps[at - 1]),
+            ..plateau
+        }
+    }
+
+    /// How many of a plateau's rows may have the command that comes after it.
+    fn late_rows(&self, rows: Range<usize>) -> usize {
+        let (Some(log), Some(next_s)) = (&self.record.command_log, self.record.time_s.get(rows.end)) else { return 0 };
+        let earliest_s = log.time_s[log.last_change(*next_s)] - self.resolution_s;
+        rows.len() - self.record.time_s[rows].partition_point(|time| *time < earliest_s)
     }
 }
 
@@ -246,7 +279,7 @@ pub(super) fn below_zero(plateaus: &[Plateau]) -> Option<&Plateau> {
     (lowest.mean < 0.0 && standing().any(follows)).then_some(lowest)
 }
 
-fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &[f64]) -> Plateau {
+fn measured(rows: Range<usize>, late_rows: usize, command: f64, direction: Option<Direction>, y: &[f64]) -> Plateau {
     let mut plateau = Plateau {
         rows,
         command,
@@ -255,7 +288,10 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
         direction,
         mean: 0.0,
         std: 0.0,
+        noise_std: 0.0,
         mean_std: 0.0,
+        common_std: 0.0,
+        late_rows,
         state: PlateauState::NotSteady,
         limited: false,
     };
@@ -293,7 +329,7 @@ pub(super) fn runs(plateaus: &[Plateau]) -> Vec<Range<usize>> {
 /// and of no use to a lag. `None` when it settles only at the end.
 pub(super) fn settled_from(first: &Plateau, y: &[f64]) -> Option<usize> {
     // Chosen: normal noise is beyond five standard deviations once in two million rows; 2 % of the mean holds the ripple of a quiet one.
-    let near = (5.0 * first.std).max(0.02 * first.mean.abs());
+    let near = (5.0 * first.noise_std).max(0.02 * first.mean.abs());
     let outside = |&k: &usize| (y[k] - first.mean).abs() > near;
     // Half a plateau is settled by definition of its mean; single outliers there do not count.
     let unsettled = first.rows.start..first.settled().start;

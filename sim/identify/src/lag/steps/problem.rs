@@ -27,6 +27,8 @@ pub(super) struct Window {
     pub(super) y: Vec<f64>,
     /// One over the standard deviation of each row by the sensor's noise, zero for one that says nothing.
     pub(super) weight: Vec<f64>,
+    /// Standard deviation of what the readings of a level have in common, of the rows that stand on one.
+    pub(super) common_std: Vec<f64>,
     /// Over how long each reading is the mean, seconds; 0 for a momentary value.
     pub(super) mean_s: f64,
     /// Variance of each row by the noise of its time stamp, in units of that of the sensor's noise.

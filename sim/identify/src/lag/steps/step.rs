@@ -108,7 +108,7 @@ impl fmt::Display for StepFault {
 pub struct Step {
     /// The first row with the new command.
     pub row: usize,
-    /// When the command changed, seconds: by its own stamps where it has them, else at that row.
+    /// When the command changed, seconds: by its own stamps where it has them, half an interval before where they repeat, else at that row.
     pub at_s: f64,
     /// Rows that were fitted, or would have been.
     pub window: Range<usize>,
@@ -213,9 +213,11 @@ pub(super) fn find_steps(time_s: &[f64], runs: &[Run]) -> Vec<Step> {
 fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     let y = &run.clean;
     let row = to.rows.start;
+    // The last row of the level before for certain, and one at least.
+    let until = before.held_until().max(before.rows.start + 1);
     let held = run.readings.as_ref().map_or(1, |readings| (readings.rows_per_reading.round() as usize).max(1));
-    let ahead = row.saturating_sub(ROWS_BEFORE.max(READINGS_BEFORE * held)).max(before.rows.start);
-    let level = mean(&y[ahead..row]);
+    let ahead = until.saturating_sub(ROWS_BEFORE.max(READINGS_BEFORE * held)).max(before.rows.start);
+    let level = mean(&y[ahead..until]);
     let rise = to.mean - level;
     let sign = if to.direction == Some(Direction::Down) { -1.0 } else { 1.0 };
     let std = before.mean_std.hypot(to.mean_std);
@@ -228,12 +230,12 @@ fn step(run: &Run, k: usize, before: &Plateau, to: &Plateau) -> Step {
     } else if sign * rise <= LEAST_STD * std {
         Some(StepFault::Hidden { rise: sign * rise, std })
     } else {
-        (drift(&y[ahead..row], held) > MOST_UNSETTLED * rise.abs()).then_some(StepFault::Unsettled)
+        (drift(&y[ahead..until], held, before.common_std) > MOST_UNSETTLED * rise.abs()).then_some(StepFault::Unsettled)
     };
     Step {
         row,
         at_s: to.change_s,
-        window: ahead..to.rows.end,
+        window: ahead..to.held_until().max(row + 1),
         from: before.command,
         to: to.command,
         before: level,
@@ -256,8 +258,9 @@ pub(super) fn rows_without_lag(without_reading: Vec<bool>, runs: &[Run], steps: 
     nothing
 }
 
-/// By how much the second half of some rows is off the first, beyond what their scatter explains, where each reading stands in `held`.
-fn drift(values: &[f64], held: usize) -> f64 {
+/// By how much the second half of some rows is off the first, beyond what their scatter and their resolution explain, where each reading
+/// stands in `held`.
+fn drift(values: &[f64], held: usize, common_std: f64) -> f64 {
     // Counted from the step backward: how far they are apart is the same whatever the row in which a reading is new.
     let values: Vec<f64> = values.iter().rev().step_by(held).rev().copied().collect();
     let (first, second) = values.split_at(values.len() / 2);
@@ -269,5 +272,6 @@ fn drift(values: &[f64], held: usize) -> f64 {
     let noise = median(changes).unwrap_or(0.0) / 0.95;
     // The difference of the means of two halves of `n` independent rows has 4 / n times the variance of a row.
     let apart = (mean(second) - mean(first)).abs();
-    apart - LEAST_STD * noise * (4.0 / values.len() as f64).sqrt()
+    // Each half may stand on another count.
+    apart - LEAST_STD * (noise * (4.0 / values.len() as f64).sqrt()).hypot(2.0_f64.sqrt() * common_std)
 }

@@ -148,7 +148,7 @@ pub(super) fn check_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConst
         }
         Lagged::Response => {}
     }
-    if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
+    if lag.delay_s.value < -lag.most_lead_s && lag.delay_s.excludes(-lag.most_lead_s) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings
