@@ -45,6 +45,7 @@ mod step_gaps;
 mod uncertainty;
 mod warning;
 mod warnings;
+mod weights;
 
 use std::ops::Range;
 
