@@ -4,7 +4,7 @@ use std::fs;
 
 use rotorlead_records::{Excitation, Experiment, Output};
 
-use crate::stand::Stand;
+use crate::stand::{Stand, flowing};
 
 /// What a stand session leaves: the records of `simulate` in milliseconds, pulse widths and gram-force, in `logs`.
 fn session() -> Stand {
@@ -357,7 +357,7 @@ fn a_header_that_states_a_wrong_unit_is_named_with_the_option_that_states_anothe
     let stand = session();
     let newtons = fs::read_to_string(stand.path("sim/u050_multisine.csv")).unwrap();
     stand.write("n.csv", newtons.replacen("thrust_n", "thrust_gf", 1).replacen("command", "duty (0..1)", 1));
-    let text = stand.run("import n.csv --excitation multisine --period 10 --out grams");
+    let text = flowing(&stand.run("import n.csv --excitation multisine --period 10 --out grams"));
     for part in ["seems to be in another unit than newtons", "it is `thrust_gf` of the log, in gf", "--column"] {
         assert!(text.contains(part), "no `{part}` in\n{text}");
     }

@@ -1,8 +1,8 @@
-//! What a lag with a dead time imitates well at the steps that it is fitted to: an ESC that ramps its command, and a sensor that takes
-//! means.
+//! What a lag with a dead time imitates well at the steps that it is fitted to: an ESC that ramps its command, a sensor that takes
+//! means, and a filter behind it.
 //!
 //! At steps of one size both look alike, as either lasts equally long at each of them. So they are tried beside each other, and beside a
-//! dead time and a filter, which differ from both by where a response begins and ends; one is named where it explains the most, and both
+//! dead time, which differs from both by where a response begins; one is named where it explains the most, and both
 //! where the records cannot tell.
 
 use rotorlead_diagnose::{Diagnosis, Options, diagnose};
@@ -15,7 +15,7 @@ use crate::remedy;
 /// What is tried.
 const RIVALS: [&str; 4] = [slew_limit::ID, transport_delay::ID, moving_average::ID, second_pole::ID];
 /// What a model that has it is not asked for.
-const IMITATED: [&str; 2] = [slew_limit::ID, moving_average::ID];
+const IMITATED: [&str; 3] = [slew_limit::ID, moving_average::ID, second_pole::ID];
 /// With the effect in the model, what is left beyond noise has to shrink to this part of its power. Chosen: it then explains more than all
 /// else together; less would name what other effects imitate.
 const SHRINKS_TO: f64 = 0.5;
@@ -35,6 +35,8 @@ enum ImitatedKind {
     Ramp(f64),
     /// The sensor takes means over so many seconds.
     Mean(f64),
+    /// A filter of the sensor, or another lag in series, has this time constant, seconds.
+    Filter(f64),
 }
 
 impl ImitatedLag {
@@ -62,9 +64,15 @@ impl ImitatedLag {
         let (kind, other) = match effect.kind.id {
             slew_limit::ID => (ImitatedKind::Ramp(value.value), moving_average::ID),
             moving_average::ID => (ImitatedKind::Mean(value.value), slew_limit::ID),
+            second_pole::ID => (ImitatedKind::Filter(value.value), moving_average::ID),
             _ => return None,
         };
         Some(Self { kind, is_ambiguous: effect.alternatives.iter().any(|kind| kind.id == other) })
+    }
+
+    /// Whether what was identified is then no lag of the motor; with a filter it still is one.
+    pub fn is_no_lag(self) -> bool {
+        !matches!(self.kind, ImitatedKind::Filter(_))
     }
 
     /// What it is.
@@ -78,6 +86,14 @@ impl ImitatedLag {
             (ImitatedKind::Mean(window_s), false) => {
                 format!("the sensor seems to take means over {:.0} ms, {explains}", 1e3 * window_s)
             }
+            (ImitatedKind::Filter(time_constant_s), false) => format!(
+                "a second lag of {:.0} ms, as of a load cell's filter, is in series, {explains}",
+                1e3 * time_constant_s
+            ),
+            (ImitatedKind::Filter(time_constant_s), true) => format!(
+                "either a second lag of {:.0} ms, as of a load cell's filter, is in series, or the sensor takes means, {explains}",
+                1e3 * time_constant_s
+            ),
             (ImitatedKind::Ramp(rate_per_s), true) => format!(
                 "either the ESC ramps its command, by {rate_per_s:.2} of the range in a second, or the sensor takes means, {explains}; \
                  {cannot_tell}"
@@ -92,6 +108,7 @@ impl ImitatedLag {
     /// What to do about it.
     pub fn advice(self) -> &'static str {
         match (self.kind, self.is_ambiguous) {
+            (ImitatedKind::Filter(_), _) => remedy(second_pole::ID),
             (_, true) => "record steps of several sizes: a ramp takes longer over larger ones, a mean does not",
             (ImitatedKind::Ramp(_), false) => remedy(slew_limit::ID),
             (ImitatedKind::Mean(_), false) => remedy(moving_average::ID),

@@ -185,8 +185,12 @@ impl Objections {
             record.file
         );
         if let Some(imitated) = imitated {
+            let word = match imitated.is_no_lag() || error_percent(record) > LARGEST_ERROR_PERCENT {
+                true => Readiness::NotALag,
+                false => Readiness::ReadyWithinLimits,
+            };
             let advice = format!(": {}; or see `rotorlead diagnose`", imitated.advice());
-            add(Readiness::NotALag, imitated.reason(), &advice);
+            add(word, imitated.reason(), &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
             add(Readiness::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
