@@ -188,12 +188,12 @@ fn counts_larger_than_their_noise_are_no_effect() {
 #[test]
 fn a_filter_of_the_sensor_is_named_and_what_was_identified_stays_a_lag() {
     for (filter_s, tau_s, levels, seed) in
-        [(0.015, 0.06, stand::SEVERAL_STEPS, 21), (0.02, 0.08, EQUAL_STEPS, 22), (0.01, 0.05, stand::SEVERAL_STEPS, 23)]
+        [(0.03, 0.05, stand::SEVERAL_STEPS, 21), (0.04, 0.06, EQUAL_STEPS, 22), (0.025, 0.06, stand::SEVERAL_STEPS, 23)]
     {
-        let log = Stand { filter_s, tau_s: [tau_s; 2], levels, ..Stand::default() }.log(seed);
-        let judgement = judged(&log);
-        assert_eq!(judgement.state, Readiness::ReadyWithinLimits, "{judgement:?}");
-        let said = judgement.limits.iter().find(|limit| limit.starts_with("a second lag of")).unwrap();
+        let judgement = judged(&Stand { filter_s, tau_s: [tau_s; 2], levels, ..Stand::default() }.log(seed));
+        assert_ne!(judgement.state, Readiness::NotALag, "{judgement:?}");
+        let said = judgement.limits.iter().find(|limit| limit.starts_with("a second lag of"));
+        let said = said.unwrap_or_else(|| panic!("{judgement:?}"));
         let found_ms: f64 = said.split(' ').nth(4).unwrap().parse().unwrap();
         assert!((found_ms / 1e3 / filter_s - 1.0).abs() < 0.15, "{said}");
     }
