@@ -41,7 +41,8 @@ fn asked(text: &str) -> (Vec<String>, String) {
 
 #[test]
 fn times_since_1970_show_their_unit() {
-    let stamps: [(&str, fn(f64) -> String); 4] = [
+    type Stamp = fn(f64) -> String;
+    let stamps: [(&str, Stamp); 4] = [
         ("s", |time_s| format!("{:.3}", 1_764_400_000.0 + time_s)),
         ("ms", |time_s| format!("{:.0}", 1_764_400_000_000.0 + 1e3 * time_s)),
         ("us", |time_s| format!("{:.0}", 1_764_400_000_000_000.0 + 1e6 * time_s)),
