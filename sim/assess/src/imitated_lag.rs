@@ -1,9 +1,9 @@
 //! What a lag with a dead time imitates well at the steps that it is fitted to: an ESC that ramps its command, a sensor that takes
 //! means, and a filter behind it.
 //!
-//! At steps of one size both look alike, as either lasts equally long at each of them. So they are tried beside each other, and beside a
-//! dead time, which differs from both by where a response begins; one is named where it explains the most, and both
-//! where the records cannot tell.
+//! At steps of one size a ramp and a mean look alike, as either lasts equally long at each of them. So all are tried against each other, and
+//! against a dead time, which differs from them by where a response starts; one is named where it explains the most, and two where the
+//! records cannot tell.
 
 use rotorlead_diagnose::{Diagnosis, Options, diagnose};
 use rotorlead_plant::effect::{moving_average, second_pole, slew_limit, transport_delay};

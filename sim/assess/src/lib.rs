@@ -185,12 +185,14 @@ impl Objections {
             record.file
         );
         if let Some(imitated) = imitated {
+            let reason =
+                if imitated.is_no_lag() { imitated.reason() } else { format!("{missed}; {}", imitated.reason()) };
             let word = match imitated.is_no_lag() || error_percent(record) > LARGEST_ERROR_PERCENT {
                 true => Readiness::NotALag,
                 false => Readiness::ReadyWithinLimits,
             };
             let advice = format!(": {}; or see `rotorlead diagnose`", imitated.advice());
-            add(word, imitated.reason(), &advice);
+            add(word, reason, &advice);
         } else if error_percent(record) > LARGEST_ERROR_PERCENT {
             add(Readiness::NotALag, missed, ": `rotorlead diagnose` looks for what is missing");
         } else {
