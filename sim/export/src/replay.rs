@@ -6,7 +6,7 @@ use rotorlead_identify::goodness_of_fit::fit_percent;
 use rotorlead_identify::simulation::{align, fit_initial_state, run_record};
 use rotorlead_identify::validate::{ComparedRow, Comparison, validate};
 use rotorlead_plant::effect::{asymmetric_lag, slew_limit, transport_delay};
-use rotorlead_plant::{ActiveEffect, Actuator, EscTiming, Lagged, Law, Model, OperatingCurve, RotorBase};
+use rotorlead_plant::{ActiveEffect, Actuator, EscTiming, Lagged, Law, Model, OperatingCurve, Point, RotorBase};
 use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 use serde::Serialize;
 
@@ -281,7 +281,7 @@ fn not_held(known: &KnownMotor, motor: &SimulatedMotor, experiment: &Experiment)
     let (model, stepping) = (known.model, motor.stepping);
     let ms = |seconds: f64| format!("{:.1}", 1e3 * seconds);
     let mut missing = Vec::new();
-    let points = model.points.iter().map(|point| point.lag());
+    let points = model.points.iter().map(Point::lag);
     if let Some(delay_s) = points.clone().map(|lag| lag.delay_s).reduce(f64::max).filter(|delay_s| *delay_s > 0.0)
         && !stepping.has_dead_time
     {

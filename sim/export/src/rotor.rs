@@ -66,11 +66,8 @@ pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<C
         "the model's slew limit is of the command, and no rotor speed is known at steady levels: give records that have rpm with --records",
     )?;
     let levels: Vec<(f64, f64)> = between(map, (0.0, 1.0)).collect();
-    let around = levels.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&at));
-    let [low, high] = around.ok_or_else(|| format!("no levels of the rotor speed are around a command of {at}"))?
-    else {
-        unreachable!("windows of two")
-    };
+    let around = levels.iter().zip(levels.iter().skip(1)).find(|(low, high)| (low.0..=high.0).contains(&at));
+    let (low, high) = around.ok_or_else(|| format!("no levels of the rotor speed are around a command of {at}"))?;
     let rpm_per_command = (high.1 - low.1) / (high.0 - low.0);
     let rate_per_s = limit.parameters.get("rate_per_s").copied().unwrap_or(f64::INFINITY);
     if !(rate_per_s.is_finite() && rpm_per_command > 0.0) {

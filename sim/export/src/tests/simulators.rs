@@ -203,7 +203,7 @@ fn a_simulator_without_a_lag_and_one_with_a_dead_time_are_told_by_their_fit() {
     let mut late = stepped();
     late.time_constant_curve.as_mut().unwrap().down_over_up = None;
     for point in &mut late.points {
-        point.delay_s = 0.006;
+        (point.gain, point.delay_s) = (20_000.0, 0.006);
     }
     // Thrust lags in MuJoCo, and speed in RotorPy: where no map says where zero is, they are the same.
     late.static_map = None;
