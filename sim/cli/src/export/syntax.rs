@@ -2,7 +2,7 @@
 
 use rotorlead_export::{Parameter, Stack};
 
-use super::digits;
+use super::text::digits;
 
 /// The syntax of a stack.
 pub(super) struct Syntax {
