@@ -1,4 +1,4 @@
-//! Records replayed through the law that a simulator will run with the exported numbers, beside the model on the same rows.
+//! Records replayed through the law that a simulator will run with the exported numbers, and the model on the same rows.
 
 use std::f64::consts::TAU;
 

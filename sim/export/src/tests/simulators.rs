@@ -199,7 +199,7 @@ fn a_motor_that_obeys_a_simulators_law_is_explained_by_it() {
 }
 
 #[test]
-fn a_simulator_without_a_lag_and_one_with_a_dead_time_are_told_by_their_fit() {
+fn a_simulator_without_a_lag_fits_worst_and_one_with_a_dead_time_best() {
     let mut late = stepped();
     late.time_constant_curve.as_mut().unwrap().down_over_up = None;
     for point in &mut late.points {
