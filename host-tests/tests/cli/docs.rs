@@ -68,7 +68,7 @@ const PAGES: [Page; 16] = [
     page("docs/python.md", 2),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
-    page("docs/export.md", 4),
+    page("docs/export.md", 8),
 ];
 
 /// One fenced block, and the file's name on the line before it.

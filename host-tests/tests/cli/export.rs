@@ -96,9 +96,53 @@ fn each_stack_gets_its_own_syntax() {
 }
 
 #[test]
+fn each_simulator_gets_its_own_syntax() {
+    let stand = stepped();
+    let with_records = |stack: &str, lines: &[&str]| prints(&stand, &format!("--for {stack} --records table"), lines);
+    let json = with_records(
+        "isaac-lab",
+        &[
+            "THRUSTER = ThrusterCfg(",
+            "    tau_inc_range=(0.02850, 0.03150),",
+            "    tau_dec_range=(0.05700, 0.06300),",
+            "    use_discrete_approximation=False,",
+            ")",
+        ],
+    );
+    assert_eq!((&json["stack"], &json["replays"]), (&Value::from("isaac_lab"), &Value::Array(Vec::new())), "{json:#}");
+    with_records(
+        "aerial-gym",
+        &["class motor_model_config:", "    motor_time_constant_increasing_min = 0.02850", "    max_thrust = 4.386"],
+    );
+    with_records("crazyflow", &["rotor_dyn_coef = [33.33, 0.0,", "                  16.67, 0.0]"]);
+    with_records("rotorpy", &["quad_params = {", "    \"tau_m\": 0.04000,", "    \"k_eta\": 1.000e-6,", "}"]);
+    with_records("gym-pybullet-drones", &["<properties kf=\"1.097e-8\"/>"]);
+    with_records("px4-sih", &["param set SIH_T_TAU 0.04000", "param set SIH_T_MAX 4.386"]);
+    let general = "<general dyntype=\"filterexact\" gaintype=\"fixed\" biastype=\"none\" ctrlrange=\"0 1\" actrange=\"0 1\" \
+                   actearly=\"true\" dynprm=\"0.04000\" gainprm=\"4.386\"/>";
+    with_records("mujoco", &[general]);
+    with_records("flightmare", &["quadrotor_dynamics:", "  motor_tau: 0.04000", "  thrust_map: [1.000e-6, 0.0, 0.0]"]);
+}
+
+#[test]
+fn all_stacks_go_into_a_folder_which_is_whole_or_not_there() {
+    let stand = stepped();
+    let text = stand.run("export --for all --out stacks --model stepped.toml --output-range 0.04..1");
+    for file in ["px4.txt", "ardupilot.param", "gazebo.xml", "isaac-lab.py", "crazyflow.toml", "flightmare.yaml"] {
+        assert!(text.contains(file) && stand.path(&format!("stacks/{file}")).is_file(), "{file}: {text}");
+    }
+    assert!(text.contains("Nothing is known for gym-pybullet-drones: kf: "), "{text}");
+    assert!(!stand.path("stacks/gym-pybullet-drones.xml").exists());
+    stand.refuses("export --for all --out stacks --model stepped.toml", 1, &["stacks", "not empty"]);
+    stand.refuses("export --for all --model stepped.toml", 2, &["--out"]);
+    stand.run("export --for px4 --out one --model stepped.toml");
+    assert!(stand.path("one/px4.txt").is_file());
+}
+
+#[test]
 fn a_comment_in_xml_has_no_double_hyphen() {
     let stand = stepped();
-    for stack in ["paparazzi", "gazebo"] {
+    for stack in ["paparazzi", "gazebo", "mujoco"] {
         let text = stand.run(&format!("export --for {stack} --model stepped.toml"));
         let inside = text.replace("<!--", "").replace("-->", "");
         assert!(!inside.contains("--"), "{text}");
@@ -156,6 +200,8 @@ fn wrong_use_is_told() {
         ("--for px4 --at 0.5", &["--at", "px4 has none"]),
         ("--for paparazzi --output-range 0..1", &["--output-range", "paparazzi has none"]),
         ("--for gazebo --motors 4", &["--motors", "gazebo has none"]),
+        ("--for paparazzi --step-rate 500", &["--step-rate", "paparazzi has none"]),
+        ("--for mujoco --step-rate 0", &["--step-rate", "0"]),
         ("--for paparazzi --motors 0", &["--motors", "0"]),
         ("--for paparazzi --at 1.5", &["--at", "1.5"]),
         ("--for paparazzi --at nan", &["--at", "nan"]),

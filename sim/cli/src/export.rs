@@ -1,26 +1,32 @@
 //! `rotorlead export`
 
+mod syntax;
+mod text;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use rotorlead_export::{Parameter, Stack, StackOptions, StackParameters, stack_parameters};
+use rotorlead_export::{ReplayRecords, Stack, StackOptions, StackParameters, stack_parameters};
 use rotorlead_plant::Model;
-use rotorlead_records::files::AcceptedRange;
+use rotorlead_records::files::{AcceptedRange, OutputFolder};
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::judged;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::UsageError;
 use super::model_argument::ModelArgument;
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::{number, range};
+use syntax::Syntax;
+use text::{about_replay, parameters_text};
 
 /// Prints a model's parameters as a flight stack or a simulator calls them
 ///
 /// Each is in the stack's own syntax below a comment with its 95 % interval, its definition and where the stack says so: thrust
 /// curves are fitted to the static map in the stack's normalization, time constants are those of the model at one command. What
-/// the measurements cannot tell is refused, and what is missing is said. See docs/export.md.
+/// the measurements cannot tell is refused, and what is missing is said. With --records, a simulator's own law is run on the records
+/// beside the model. See docs/export.md.
 #[derive(Args, Debug)]
 pub struct Export {
     #[command(flatten)]
@@ -28,9 +34,16 @@ pub struct Export {
     /// The flight stack or simulator
     #[arg(long = "for", value_name = "STACK", value_enum)]
     stack: StackName,
-    /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records
+    /// Write a file for each stack into this folder, which is made
+    #[arg(long, value_name = "DIR", required_if_eq("stack", "all"))]
+    out: Option<PathBuf>,
+    /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records, and replay those that
+    /// are held out, or all, through the law of a simulator
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
+    /// Steps per second of the simulation; the simulator's own unless given
+    #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_negative_numbers = true)]
+    step_rate: Option<f64>,
     /// Command at which a time constant is taken, such as that of hover; the middle of those measured unless given
     #[arg(long, value_name = "COMMAND", value_parser = number(AcceptedRange::DUTY), allow_negative_numbers = true)]
     at: Option<f64>,
@@ -60,49 +73,160 @@ enum StackName {
     Indiflight,
     /// `timeConstantUp`, `timeConstantDown`, `maxRotVelocity`, `motorConstant` of the motor plugin
     Gazebo,
+    /// `thrust_range`, `max_thrust_rate`, `thrust_const_range`, `tau_inc_range`, `tau_dec_range` of `ThrusterCfg`
+    IsaacLab,
+    /// `motor_thrust_constant`, `motor_time_constant_increasing` and `_decreasing`, `max_thrust`, `max_thrust_rate`
+    AerialGym,
+    /// `rotor_dyn_coef`, `rpm2thrust`, `thrust_max`
+    Crazyflow,
+    /// `tau_m`, `k_eta`, `rotor_speed_max`
+    Rotorpy,
+    /// `kf`
+    GymPybulletDrones,
+    /// `SIH_T_TAU`, `SIH_T_MAX`
+    Px4Sih,
+    /// `dynprm`, `gainprm`, `delay`, `nsample` of a general actuator
+    Mujoco,
+    /// `motor_tau`, `motor_omega_max`, `thrust_map`
+    Flightmare,
+    /// Each of them, with --out
+    All,
 }
 
-impl From<StackName> for Stack {
-    fn from(name: StackName) -> Self {
-        match name {
-            StackName::Betaflight => Self::Betaflight,
-            StackName::Px4 => Self::Px4,
-            StackName::Ardupilot => Self::Ardupilot,
-            StackName::Paparazzi => Self::Paparazzi,
-            StackName::Indiflight => Self::Indiflight,
-            StackName::Gazebo => Self::Gazebo,
-        }
+impl StackName {
+    /// The stack; `None` for all.
+    fn stack(self) -> Option<Stack> {
+        Some(match self {
+            Self::Betaflight => Stack::Betaflight,
+            Self::Px4 => Stack::Px4,
+            Self::Ardupilot => Stack::Ardupilot,
+            Self::Paparazzi => Stack::Paparazzi,
+            Self::Indiflight => Stack::Indiflight,
+            Self::Gazebo => Stack::Gazebo,
+            Self::IsaacLab => Stack::IsaacLab,
+            Self::AerialGym => Stack::AerialGym,
+            Self::Crazyflow => Stack::Crazyflow,
+            Self::Rotorpy => Stack::Rotorpy,
+            Self::GymPybulletDrones => Stack::GymPybulletDrones,
+            Self::Px4Sih => Stack::Px4Sih,
+            Self::Mujoco => Stack::Mujoco,
+            Self::Flightmare => Stack::Flightmare,
+            Self::All => return None,
+        })
+    }
+
+    fn name(self) -> String {
+        self.to_possible_value().expect("none is skipped").get_name().to_owned()
     }
 }
 
 /// Motors of a vehicle unless it is said.
 const MOTORS: u8 = 4;
 
+/// What is exported for a stack.
+struct Exported {
+    name: String,
+    extension: &'static str,
+    text: String,
+    json: Value,
+    found: StackParameters,
+}
+
 impl Export {
-    /// Runs the command.
-    pub fn run(&self) -> miette::Result<Outcome> {
-        let stack = Stack::from(self.stack);
-        self.check_use(stack)?;
+    /// Runs the command and says what came out.
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
+        self.json.answer(self.out.as_deref(), || self.run(), verbosity)
+    }
+
+    fn run(&self) -> miette::Result<Outcome> {
+        self.check_use()?;
         let model = Model::read_with_map_alone(self.model.path())?;
         let experiment = self.records.as_deref().map(Experiment::read).transpose()?;
-        let options = StackOptions { at: self.at, output_range: self.output_range };
-        let found = stack_parameters(stack, &model, experiment.as_ref(), options);
-        if found.parameters.is_empty() {
-            return Err(nothing_known(&found, self.model.path()));
+        let names: Vec<StackName> = match self.stack {
+            StackName::All => {
+                StackName::value_variants().iter().copied().filter(|name| *name != StackName::All).collect()
+            }
+            one => vec![one],
+        };
+        // A model is compared with records where a simulator asks for it.
+        let simulators = names.iter().filter_map(|name| name.stack()).any(Stack::has_step);
+        let records =
+            experiment.as_ref().filter(|_| simulators).map(|experiment| ReplayRecords::new(&model, experiment));
+        let exported = names.iter().filter_map(|name| {
+            Some(self.exported(name.stack()?, name.name(), &model, experiment.as_ref(), records.as_ref()))
+        });
+        let (mut known, unknown): (Vec<Exported>, Vec<Exported>) =
+            exported.partition(|exported| !exported.found.parameters.is_empty());
+        if known.is_empty() {
+            return Err(nothing_known(&unknown, self.model.path()));
         }
+        let Some(out) = &self.out else {
+            let Exported { text, json, .. } = known.remove(0);
+            return Ok(Outcome { json, ..Outcome::new(text, &()) });
+        };
+        let folder = OutputFolder::create(out)?;
+        let mut text = String::new();
+        for Exported { name, extension, text: content, .. } in &known {
+            let file = format!("{name}.{extension}");
+            folder.write(&file, content.as_bytes())?;
+            writeln!(text, "Written to {}", out.join(file).display()).expect("a string takes all");
+        }
+        folder.commit()?;
+        for Exported { name, found, .. } in &unknown {
+            writeln!(text, "Nothing is known for {name}: {}", reasons(found)).expect("a string takes all");
+        }
+        let json: Vec<Value> = known.into_iter().chain(unknown).map(|exported| exported.json).collect();
+        Ok(Outcome::new(text, &json!({ "stacks": json })))
+    }
+
+    fn exported(
+        &self,
+        stack: Stack,
+        name: String,
+        model: &Model,
+        experiment: Option<&Experiment>,
+        records: Option<&Result<Option<ReplayRecords>, String>>,
+    ) -> Exported {
+        let options =
+            StackOptions { at: self.at, output_range: self.output_range, step_s: self.step_rate.map(f64::recip) };
+        let found = stack_parameters(stack, model, experiment, options);
         let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
-        let warnings: Vec<String> = judged(&model).iter().map(Finding::sentence).collect();
-        let comments =
-            warnings.iter().map(|warning| Syntax::for_stack(stack).comment(&[format!("warning: {warning}")]) + "\n");
-        let mut outcome = Outcome::new(comments.collect::<String>() + &text(&found, motors), &found);
-        outcome.json["warnings"] = json!(warnings);
-        Ok(outcome)
+        let warnings: Vec<String> = judged(model).iter().map(Finding::sentence).collect();
+        let syntax = Syntax::for_stack(stack);
+        let comments = warnings.iter().map(|warning| syntax.comment(&[format!("warning: {warning}")]) + "\n");
+        let mut text = comments.collect::<String>();
+        if !stack.remarks().is_empty() {
+            let remarks: Vec<String> = stack.remarks().iter().map(ToString::to_string).collect();
+            text += &(syntax.comment(&remarks) + "\n");
+        }
+        text += &parameters_text(&found, &syntax, motors);
+        let mut json = serde_json::to_value(&found).expect("keys are text, and no value fails to be written");
+        json["warnings"] = json!(warnings);
+        let replayed = records.filter(|_| stack.has_step()).map(|records| match records {
+            Ok(None) => Ok((Vec::new(), false)),
+            Ok(Some(records)) => Ok((records.replays(stack, options)?, records.held_out)),
+            Err(why) => Err(why.clone()),
+        });
+        match replayed {
+            Some(Ok((replays, held_out))) => {
+                for replay in &replays {
+                    text += &format!("\n{}", syntax.comment(&about_replay(replay, held_out)));
+                }
+                json["replays"] = json!(replays);
+            }
+            Some(Err(why)) => {
+                text += &format!("\n{}", syntax.comment(&[format!("the records were not replayed: {why}")]));
+                json["not_replayed"] = json!(why);
+            }
+            None => {}
+        }
+        Exported { name, extension: syntax.extension, text, json, found }
     }
 
     /// Refuses options that none of the stack's parameters depends on.
-    fn check_use(&self, stack: Stack) -> Result<(), UsageError> {
-        let name = self.stack.to_possible_value().expect("none is skipped");
-        let name = name.get_name();
+    fn check_use(&self) -> Result<(), UsageError> {
+        let Some(stack) = self.stack.stack() else { return Ok(()) };
+        let name = self.stack.name();
         let refuse = |option: &str, of: &str| {
             Err(UsageError::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
         };
@@ -112,6 +236,9 @@ impl Export {
         if self.output_range.is_some() && stack.output_range().is_none() {
             return refuse("--output-range", "for thrust curves and the highest speed");
         }
+        if self.step_rate.is_some() && !stack.has_step() {
+            return refuse("--step-rate", "for the steps of a simulator");
+        }
         if self.motors.is_some() && !stack.is_per_motor() {
             return refuse("--motors", "for parameters of each motor");
         }
@@ -119,115 +246,17 @@ impl Export {
     }
 }
 
-fn nothing_known(found: &StackParameters, model: &Path) -> miette::Report {
-    let reasons: Vec<String> =
-        found.refused.iter().map(|refusal| format!("{}: {}", refusal.name, refusal.why)).collect();
+fn reasons(found: &StackParameters) -> String {
+    let reasons = found.refused.iter().map(|refusal| format!("{}: {}", refusal.name, refusal.why));
+    reasons.collect::<Vec<_>>().join("; ")
+}
+
+fn nothing_known(unknown: &[Exported], model: &Path) -> miette::Report {
+    let reasons: Vec<String> = unknown.iter().map(|exported| reasons(&exported.found)).collect();
     miette::miette!(
         help = "docs/export.md says what each parameter is from, and what to record",
         "`{}` tells none of the parameters: {}",
         model.display(),
         reasons.join("; ")
     )
-}
-
-/// The parameters in the stack's syntax, below comments in its syntax.
-fn text(found: &StackParameters, motors: u8) -> String {
-    let syntax = Syntax::for_stack(found.stack);
-    let known = found.parameters.iter().map(|parameter| {
-        let line = (syntax.line)(parameter.definition.name, &digits(parameter.value), motors);
-        format!("{}{line}\n", syntax.comment(&about(parameter)))
-    });
-    let unknown = found
-        .refused
-        .iter()
-        .map(|refusal| syntax.comment(&[format!("{} is not known: {}", refusal.name, refusal.why)]));
-    known.chain(unknown).collect::<Vec<_>>().join("\n")
-}
-
-/// The comment above a parameter.
-fn about(parameter: &Parameter) -> Vec<String> {
-    let unit = if parameter.definition.unit == "1" { String::new() } else { format!(" {}", parameter.definition.unit) };
-    let mut of = format!("{} = {}{unit}", parameter.definition.name, digits(parameter.value));
-    match (parameter.low, parameter.high) {
-        (Some(low), Some(high)) => write!(of, ", 95 % interval {} to {}", digits(low), digits(high)),
-        _ => write!(of, ", whose interval is not in the model"),
-    }
-    .expect("a string takes all");
-    if let Some(at) = parameter.at {
-        write!(of, ", at a command of {}", command(at)).expect("a string takes all");
-    }
-    let (low, high) = parameter.measured;
-    if low < high {
-        write!(of, "; measured at commands from {} to {}", command(low), command(high)).expect("a string takes all");
-    }
-    if let Some(worst) = parameter.worst_error_percent {
-        write!(of, ", where the law errs by at most {worst:.1} % of full thrust").expect("a string takes all");
-    }
-    let mut lines = vec![of, parameter.definition.definition.to_owned()];
-    lines.extend(parameter.notes.iter().cloned());
-    lines.push(format!("source: {}", parameter.definition.source));
-    lines
-}
-
-/// Magnitude below which a number is what rounding leaves of zero.
-const ROUNDING: f64 = 1e-12;
-
-/// Four significant digits, or all of a whole number.
-fn digits(value: f64) -> String {
-    let value = if value.abs() < ROUNDING { 0.0 } else { value };
-    if value == value.trunc() && value.abs() < 1e9 {
-        return format!("{value}");
-    }
-    let decimals = 3 - value.abs().log10().floor() as i32;
-    if decimals > 6 { format!("{value:.3e}") } else { format!("{value:.*}", decimals.max(0) as usize) }
-}
-
-/// A command to a thousandth.
-fn command(value: f64) -> String {
-    format!("{}", (1e3 * value).round() / 1e3)
-}
-
-/// How a stack writes parameters down.
-struct Syntax {
-    /// What a comment begins with, its further lines, and its end.
-    comment: [&'static str; 3],
-    /// Name, value and motors as a line.
-    line: fn(&str, &str, u8) -> String,
-}
-
-/// Columns of a comment.
-const WIDTH: usize = 110;
-
-impl Syntax {
-    /// Paragraphs as one comment.
-    fn comment(&self, paragraphs: &[String]) -> String {
-        let [begin, next, end] = self.comment;
-        let lines: Vec<_> = paragraphs.iter().flat_map(|words| textwrap::wrap(words, WIDTH)).collect();
-        format!("{begin}{}{end}\n", lines.join(&format!("\n{next}")))
-    }
-
-    fn for_stack(stack: Stack) -> Self {
-        let script = ["# ", "# ", ""];
-        let xml = ["<!-- ", "     ", " -->"];
-        match stack {
-            Stack::Betaflight => Self { comment: script, line: |name, value, _| format!("set {name} = {value}") },
-            Stack::Px4 => Self { comment: script, line: |name, value, _| format!("param set {name} {value}") },
-            Stack::Ardupilot => Self { comment: script, line: |name, value, _| format!("{name},{value}") },
-            Stack::Paparazzi => Self {
-                comment: xml,
-                line: |name, value, motors| {
-                    format!("<define name=\"{name}\" value=\"{{{}}}\"/>", repeat_for_motors(value, motors, ", "))
-                },
-            },
-            Stack::Indiflight => Self {
-                comment: script,
-                line: |name, value, motors| format!("set {name} = {}", repeat_for_motors(value, motors, ",")),
-            },
-            Stack::Gazebo => Self { comment: xml, line: |name, value, _| format!("<{name}>{value}</{name}>") },
-        }
-    }
-}
-
-fn repeat_for_motors(value: &str, motors: u8, separator: &str) -> String {
-    vec![value; usize::from(motors)].join(separator)
 }

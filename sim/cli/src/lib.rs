@@ -134,7 +134,7 @@ commands! {
     Design(design::Design), answers, "rotorlead design model.toml --out compensator.toml";
     Bandwidth(bandwidth::Bandwidth), answers, "rotorlead bandwidth model.toml --compensator compensator.toml";
     Vehicle(vehicle::Vehicle), answers, "rotorlead vehicle model.toml";
-    Export(export::Export), answers, "rotorlead export model.toml --for px4";
+    Export(export::Export), says, "rotorlead export model.toml --for px4";
     Diagnose(diagnose::Diagnose), answers, "rotorlead diagnose stand --report diagnosis.html";
     Fleet(fleet::Fleet), answers, "rotorlead fleet logs";
     Report(report::ReportCommand), answers, "rotorlead report log.csv --excitation staircase";

@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 use serde::Serialize;
 
 use super::law::ThrustLaw;
+use super::stepping::{self, Stepping};
+use super::{remarks, simulators};
 
 /// A flight stack or simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -22,12 +24,42 @@ pub enum Stack {
     Indiflight,
     /// Gazebo's multicopter motor plugins.
     Gazebo,
+    /// Isaac Lab's thruster.
+    IsaacLab,
+    /// Aerial Gym.
+    AerialGym,
+    /// crazyflow, first principles.
+    Crazyflow,
+    /// `RotorPy`.
+    Rotorpy,
+    /// gym-pybullet-drones, which has no lag.
+    GymPybulletDrones,
+    /// PX4's simulation in hardware (SIH).
+    Px4Sih,
+    /// `MuJoCo`'s general actuator.
+    Mujoco,
+    /// Flightmare.
+    Flightmare,
 }
 
 impl Stack {
     /// Every one.
-    pub const ALL: [Self; 6] =
-        [Self::Betaflight, Self::Px4, Self::Ardupilot, Self::Paparazzi, Self::Indiflight, Self::Gazebo];
+    pub const ALL: [Self; 14] = [
+        Self::Betaflight,
+        Self::Px4,
+        Self::Ardupilot,
+        Self::Paparazzi,
+        Self::Indiflight,
+        Self::Gazebo,
+        Self::IsaacLab,
+        Self::AerialGym,
+        Self::Crazyflow,
+        Self::Rotorpy,
+        Self::GymPybulletDrones,
+        Self::Px4Sih,
+        Self::Mujoco,
+        Self::Flightmare,
+    ];
 
     /// What it is asked for.
     #[must_use]
@@ -39,6 +71,14 @@ impl Stack {
             Self::Paparazzi => &PAPARAZZI,
             Self::Indiflight => &INDIFLIGHT,
             Self::Gazebo => &GAZEBO,
+            Self::IsaacLab => &simulators::ISAAC_LAB,
+            Self::AerialGym => &simulators::AERIAL_GYM,
+            Self::Crazyflow => &simulators::CRAZYFLOW,
+            Self::Rotorpy => &simulators::ROTORPY,
+            Self::GymPybulletDrones => &simulators::GYM_PYBULLET_DRONES,
+            Self::Px4Sih => &simulators::PX4_SIH,
+            Self::Mujoco => &simulators::MUJOCO,
+            Self::Flightmare => &simulators::FLIGHTMARE,
         }
     }
 
@@ -51,8 +91,8 @@ impl Stack {
             Self::Betaflight => Some((0.055, 1.0)),
             // Standard: the defaults of MOT_SPIN_MIN and MOT_SPIN_MAX.
             Self::Ardupilot => Some((0.15, 0.95)),
-            Self::Px4 | Self::Indiflight | Self::Gazebo => Some((0.0, 1.0)),
             Self::Paparazzi => None,
+            _ => Some((0.0, 1.0)),
         }
     }
 
@@ -60,6 +100,24 @@ impl Stack {
     #[must_use]
     pub fn has_time_constant(self) -> bool {
         self.definitions().iter().any(|definition| definition.quantity.is_lag())
+    }
+
+    /// How it steps its motors, where it is a simulator: each version that differs, the one that the parameters are for first.
+    #[must_use]
+    pub fn steppings(self) -> &'static [Stepping] {
+        stepping::for_stack(self)
+    }
+
+    /// Whether one of its parameters depends on the step of its simulation.
+    #[must_use]
+    pub fn has_step(self) -> bool {
+        !self.steppings().is_empty()
+    }
+
+    /// What to know of it before its parameters are used.
+    #[must_use]
+    pub fn remarks(self) -> &'static [&'static str] {
+        remarks::for_stack(self)
     }
 
     /// Whether it takes one value for each motor.
@@ -92,6 +150,10 @@ pub struct Definition {
     /// What the stack takes at least and at most, where it bounds it.
     #[serde(skip)]
     pub(super) bounds: Option<(f64, f64)>,
+    /// How it is written, with `{name}`, `{value}` and the ends of its interval `{low}` and `{high}`, where that is not as its stack
+    /// writes every other.
+    #[serde(skip)]
+    pub written: Option<&'static str>,
 }
 
 /// A number of a model.
@@ -111,22 +173,45 @@ pub(super) enum StackParameter {
     TopSpeed,
     /// Thrust over the square of the rotor speed, N/(rad/s)^2.
     MotorConstant,
+    /// Thrust at the highest motor output, N.
+    TopThrust,
+    /// Highest rate of the rotor speed, rad/s^2.
+    SpeedRate,
+    /// Inverse of the time constant of a rising speed, 1/s.
+    RateUp,
+    /// Inverse of the time constant of a falling speed, 1/s.
+    RateDown,
+    /// Dead time in whole steps of the simulation, seconds.
+    DeadTime,
+    /// The number of these steps.
+    DeadTimeSteps,
 }
 
 impl StackParameter {
     pub(super) fn is_lag(self) -> bool {
-        matches!(self, Self::TimeConstant | Self::CornerFrequency | Self::TimeConstantUp | Self::TimeConstantDown)
+        matches!(
+            self,
+            Self::TimeConstant
+                | Self::CornerFrequency
+                | Self::TimeConstantUp
+                | Self::TimeConstantDown
+                | Self::RateUp
+                | Self::RateDown
+                | Self::DeadTime
+                | Self::DeadTimeSteps
+                | Self::SpeedRate
+        )
     }
 }
 
-const fn definition(
+pub(super) const fn definition(
     name: &'static str,
     unit: &'static str,
     quantity: StackParameter,
     definition: &'static str,
     source: &'static str,
 ) -> Definition {
-    Definition { name, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None }
+    Definition { name, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None, written: None }
 }
 
 const BETAFLIGHT: [Definition; 1] = [Definition {

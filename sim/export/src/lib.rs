@@ -8,7 +8,11 @@ mod fit;
 mod lag;
 mod law;
 mod maps;
+mod remarks;
+mod replay;
 mod rotor;
+mod simulators;
+mod stepping;
 
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
@@ -19,6 +23,8 @@ pub use definition::{Definition, Stack};
 use lag::{ConfidenceInterval, Direction, LagEstimate};
 use law::ThrustLaw;
 use maps::Maps;
+pub use replay::{RecordFit, Replay, ReplayRecords};
+pub use stepping::{Lagging, Stepping};
 
 /// What a person says of the vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,6 +33,8 @@ pub struct StackOptions {
     pub at: Option<f64>,
     /// The commands that the stack's lowest and highest motor outputs are, 0..1; [`Stack::output_range`] unless given.
     pub output_range: Option<(f64, f64)>,
+    /// The steps of the simulation, seconds; [`Stepping::step_s`] unless given.
+    pub step_s: Option<f64>,
 }
 
 /// One parameter of a stack.
@@ -80,10 +88,7 @@ pub fn stack_parameters(
     experiment: Option<&Experiment>,
     options: StackOptions,
 ) -> StackParameters {
-    let maps = Maps::from_model(model, experiment);
-    // A stack without one has no parameter that depends on it.
-    let range = options.output_range.or(stack.output_range()).unwrap_or((0.0, 1.0));
-    let known = KnownMotor { model, maps, at: options.at, range };
+    let known = KnownMotor::new(stack, model, experiment, options);
     let (mut parameters, mut refused) = (Vec::new(), Vec::new());
     for definition in stack.definitions() {
         match known.raw(definition.quantity).and_then(|raw| raw.in_units(definition)) {
@@ -94,12 +99,17 @@ pub fn stack_parameters(
     StackParameters { stack, parameters, refused }
 }
 
+/// Standard: the 97.5 % quantile of the normal distribution.
+const NORMAL_95: f64 = 1.959_964;
+
 /// What is known of the motor, and where it is asked for.
 struct KnownMotor<'a> {
     model: &'a Model,
     maps: Maps,
     at: Option<f64>,
     range: (f64, f64),
+    /// Of the simulation, seconds; zero for a stack that is none.
+    step_s: f64,
 }
 
 /// A quantity in SI units.
@@ -111,7 +121,18 @@ struct RawParameter {
     notes: Vec<String>,
 }
 
-impl KnownMotor<'_> {
+impl<'a> KnownMotor<'a> {
+    fn new(stack: Stack, model: &'a Model, experiment: Option<&Experiment>, options: StackOptions) -> Self {
+        Self {
+            model,
+            maps: Maps::from_model(model, experiment),
+            at: options.at,
+            // A stack without one has no parameter that depends on it.
+            range: options.output_range.or(stack.output_range()).unwrap_or((0.0, 1.0)),
+            step_s: options.step_s.or(stack.steppings().first().map(|stepping| stepping.step_s)).unwrap_or(0.0),
+        }
+    }
+
     fn raw(&self, quantity: StackParameter) -> Result<RawParameter, String> {
         match quantity {
             StackParameter::ThrustCurve(law) => self.thrust_curve(law),
@@ -119,11 +140,13 @@ impl KnownMotor<'_> {
             StackParameter::CornerFrequency => self.lag(|lag| Ok(lag.time_constant_s.inverse())),
             StackParameter::TimeConstantUp => self.lag(|lag| lag.directed(self.model, Direction::Up)),
             StackParameter::TimeConstantDown => self.lag(|lag| lag.directed(self.model, Direction::Down)),
-            StackParameter::TopSpeed => {
-                let (band, command) = rotor::top_speed_rad_s(&self.maps, self.range)?;
-                let measured = (command, command);
-                Ok(RawParameter { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() })
-            }
+            StackParameter::RateUp => self.lag(|lag| Ok(lag.directed(self.model, Direction::Up)?.inverse())),
+            StackParameter::RateDown => self.lag(|lag| Ok(lag.directed(self.model, Direction::Down)?.inverse())),
+            StackParameter::DeadTime => self.dead_time(self.step_s),
+            StackParameter::DeadTimeSteps => self.dead_time(1.0),
+            StackParameter::TopSpeed => Ok(at_top(rotor::top_speed_rad_s(&self.maps, self.range)?)),
+            StackParameter::TopThrust => Ok(at_top(rotor::top_thrust_n(&self.maps, self.range)?)),
+            StackParameter::SpeedRate => self.speed_rate(),
             StackParameter::MotorConstant => {
                 let found = rotor::motor_constant(&self.maps)?;
                 let worst_error_percent = Some(found.worst_error_percent);
@@ -150,6 +173,51 @@ impl KnownMotor<'_> {
             measured: lag.measured,
             worst_error_percent: None,
             notes,
+        })
+    }
+
+    /// The dead time in whole steps, each of which counts `unit`.
+    fn dead_time(&self, unit: f64) -> Result<RawParameter, String> {
+        let lag = LagEstimate::from_model(self.model, self.at)?;
+        let of = |delay_s: f64| delay_s / self.step_s * unit;
+        let steps = (lag.delay_s / self.step_s).round();
+        if steps == 0.0 {
+            return Err(match lag.delay_s {
+                0.0 => String::from("the model has no dead time: leave it out"),
+                delay_s => format!(
+                    "the model's dead time of {:.2} ms is less than half a step of {:.2} ms: leave it out, or say how long a step is with \
+                     --step-rate",
+                    1e3 * delay_s,
+                    1e3 * self.step_s
+                ),
+            });
+        }
+        let std_s = self.model.points.iter().filter_map(|point| point.delay_s_std).reduce(f64::max);
+        let end = |sign: f64| std_s.map(|std_s| of((lag.delay_s + sign * NORMAL_95 * std_s).max(0.0)));
+        let band = ConfidenceInterval { value: steps * unit, low: end(-1.0), high: end(1.0) };
+        let note = format!("{steps} steps of {:.4} ms for {:.2} ms", 1e3 * self.step_s, 1e3 * lag.delay_s);
+        Ok(RawParameter {
+            band,
+            at: Some(lag.at),
+            measured: lag.measured,
+            worst_error_percent: None,
+            notes: vec![note],
+        })
+    }
+
+    fn speed_rate(&self) -> Result<RawParameter, String> {
+        let at = match LagEstimate::from_model(self.model, self.at) {
+            Ok(lag) => lag.at,
+            Err(_) => 0.5 * (self.range.0 + self.range.1),
+        };
+        let band = rotor::speed_rate_rad_s2(self.model, &self.maps, at)?;
+        let note = "the model limits the command ahead of the lag, the simulator the speed itself: ramps of large steps agree, small ones do not";
+        Ok(RawParameter {
+            band,
+            at: Some(at),
+            measured: (at, at),
+            worst_error_percent: None,
+            notes: vec![note.to_owned()],
         })
     }
 
@@ -189,6 +257,12 @@ impl KnownMotor<'_> {
             notes,
         })
     }
+}
+
+/// A quantity at the level of the highest motor output.
+fn at_top((band, command): (ConfidenceInterval, f64)) -> RawParameter {
+    let measured = (command, command);
+    RawParameter { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() }
 }
 
 impl RawParameter {

@@ -3,6 +3,8 @@
 use std::f64::consts::TAU;
 
 use rotorlead_numerics::statistics::t_quantile;
+use rotorlead_plant::effect::slew_limit;
+use rotorlead_plant::{Model, StaticMap};
 
 use super::lag::ConfidenceInterval;
 use super::maps::{Maps, between, check_top, scatter};
@@ -25,20 +27,57 @@ pub(super) struct MotorConstant {
     pub(super) worst_error_percent: f64,
 }
 
-/// The rotor speed at the highest motor output, rad/s, and the command of its level. Its interval is of the scatter of the
-/// levels around their polynomial.
+/// The rotor speed at the highest motor output, rad/s, and the command of its level.
 pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
     let map = maps.rpm.as_ref().ok_or(
         "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it beside the thrust with the option records",
     )?;
+    let (rpm, command) = highest(map, range, "rpm")?;
+    Ok((rpm.times(RPM), command))
+}
+
+/// The thrust at the highest motor output, N, and the command of its level.
+pub(super) fn top_thrust_n(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
+    let map = maps.thrust_n.as_ref().ok_or(
+        "no thrust is known at full command: identify records of `thrust_n` that hold levels, or give records that have it beside the speed with --records",
+    )?;
+    highest(map, range, "N")
+}
+
+/// The response at the highest motor output, and the command of its level. Its interval is of the scatter of the levels around their
+/// polynomial.
+fn highest(map: &StaticMap, range: (f64, f64), unit: &str) -> Result<(ConfidenceInterval, f64), String> {
     check_top(map, range)?;
-    let (command, rpm) = between(map, range).last().ok_or("no level is in the motor's output range")?;
-    if rpm <= 0.0 {
-        return Err(format!("the rotor speed at a command of {command} is {rpm} rpm: check its column"));
+    let (command, response) = between(map, range).last().ok_or("no level is in the motor's output range")?;
+    if response <= 0.0 {
+        return Err(format!("the response at a command of {command} is {response} {unit}: check its column"));
     }
     let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std);
-    let end = |sign: f64| reach.map(|reach| rpm + sign * reach);
-    Ok((ConfidenceInterval { value: rpm, low: end(-1.0), high: end(1.0) }.times(RPM), command))
+    let end = |sign: f64| reach.map(|reach| response + sign * reach);
+    Ok((ConfidenceInterval { value: response, low: end(-1.0), high: end(1.0) }, command))
+}
+
+/// The highest rate of the rotor speed around a command, rad/s^2: that of a model's slew limit times the slope of the speed's map.
+pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<ConfidenceInterval, String> {
+    let limit = model.effects.iter().find(|effect| effect.kind == slew_limit::ID).ok_or(
+        "the model has no slew limit: `rotorlead diagnose` looks for one; the simulator's 100000, which it has unless it is set, limits nothing",
+    )?;
+    let map = maps.rpm.as_ref().ok_or(
+        "the model's slew limit is of the command, and no rotor speed is known at steady levels: give records that have rpm with --records",
+    )?;
+    let levels: Vec<(f64, f64)> = between(map, (0.0, 1.0)).collect();
+    let around = levels.iter().zip(levels.iter().skip(1)).find(|(low, high)| (low.0..=high.0).contains(&at));
+    let (low, high) = around.ok_or_else(|| format!("no levels of the rotor speed are around a command of {at}"))?;
+    let rpm_per_command = (high.1 - low.1) / (high.0 - low.0);
+    let rate_per_s = limit.parameters.get("rate_per_s").copied().unwrap_or(f64::INFINITY);
+    if !(rate_per_s.is_finite() && rpm_per_command > 0.0) {
+        return Err(format!("the speed does not rise around a command of {at}, or the model's slew limit has no rate"));
+    }
+    let band =
+        limit.std.get("rate_per_s").map_or(ConfidenceInterval { value: rate_per_s, low: None, high: None }, |std| {
+            ConfidenceInterval::from_estimate(Estimate::normal(rate_per_s, *std))
+        });
+    Ok(band.times(rpm_per_command * RPM))
 }
 
 /// Least squares through zero over the levels that have both responses.

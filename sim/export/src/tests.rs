@@ -9,6 +9,8 @@ use rotorlead_records::{Excitation, Output};
 use super::*;
 use rotorlead_identify::testing;
 
+mod simulators;
+
 const RANGE: (f64, f64) = (0.15, 0.95);
 
 fn model(output: Output, static_map: Option<StaticMap>) -> Model {
@@ -93,7 +95,7 @@ fn a_motor_that_obeys_a_stacks_law_has_its_parameter_exactly() {
     let output_range = Some((0.05, 1.0));
     let boost = |u: f64| ThrustLaw::Boost.thrust((u - 0.05) / 0.95, 0.4).unwrap();
     let betaflight = thrust_model(|u| 0.5 + 9.0 * boost(u));
-    near(only(Stack::Betaflight, &betaflight, StackOptions { output_range, at: None }).value, 40.0);
+    near(only(Stack::Betaflight, &betaflight, StackOptions { output_range, ..StackOptions::default() }).value, 40.0);
 }
 
 #[test]
@@ -125,7 +127,7 @@ fn the_example_of_ardupilots_own_page_comes_out() {
     let determinant = xxxx * xx - xxx * xxx;
     let (a, b) = ((xxy * xx - xy * xxx) / determinant, (xxxx * xy - xxx * xxy) / determinant);
     let map = StaticMap { command, response: thrust.to_vec(), lagged: Lagged::Response, polynomial: None };
-    let options = StackOptions { output_range: Some((0.0, 0.8)), at: None };
+    let options = StackOptions { output_range: Some((0.0, 0.8)), ..StackOptions::default() };
     let found = only(Stack::Ardupilot, &model(Output::ThrustN, Some(map)), options);
     near(found.value, a / (a + b));
     assert!((found.low.unwrap()..=found.high.unwrap()).contains(&script), "{script} {found:?}");
@@ -179,7 +181,7 @@ fn what_a_stack_does_not_take_is_refused_with_the_value() {
     let falling = |p: f64| thrust_model(move |u| 12.0 * (p * u * u + (1.0 - p) * u));
     refuses(Stack::Px4, &falling(-0.25), "THR_MDL_FAC", &["-0.2500", "0 to 1"]);
     refuses(Stack::Indiflight, &falling(0.85), "indi_act_nonlinearity", &["85.0000", "2.5 to 70"]);
-    let options = StackOptions { output_range: Some((0.0, 1.0)), at: None };
+    let options = StackOptions { output_range: Some((0.0, 1.0)), ..StackOptions::default() };
     let strong = thrust_model(|u| ThrustLaw::Boost.thrust(u, 1.8).unwrap());
     let found = stack_parameters(Stack::Betaflight, &strong, None, options);
     assert!(found.refused[0].why.contains("180.0000") && found.refused[0].why.contains("0 to 150"), "{found:?}");
@@ -214,9 +216,9 @@ fn a_corner_frequency_is_the_inverse_of_the_time_constant() {
     let old = 1.0 - (-25.0_f64 / 512.0).exp();
     near(-(1.0 - old).ln() * 512.0, found.value);
 
-    let at = StackOptions { at: Some(0.6), output_range: None };
+    let at = StackOptions { at: Some(0.6), ..StackOptions::default() };
     near(only(Stack::Paparazzi, &model(Output::ThrustN, None), at).value, 1.0 / 0.03);
-    let outside = StackOptions { at: Some(0.7), output_range: None };
+    let outside = StackOptions { at: Some(0.7), ..StackOptions::default() };
     let found = stack_parameters(Stack::Paparazzi, &model(Output::ThrustN, None), None, outside);
     assert!(found.refused[0].why.contains("0.4 to 0.6, and not at 0.7"), "{found:?}");
 }
@@ -266,7 +268,7 @@ fn points_that_know_both_directions_give_each() {
     }
     let found = stack_parameters(Stack::Gazebo, &stepped, None, StackOptions::default());
     let of = |name: &str| found.parameters.iter().find(|parameter| parameter.definition.name == name).unwrap().value;
-    let at = StackOptions { at: Some(0.4), output_range: None };
+    let at = StackOptions { at: Some(0.4), ..StackOptions::default() };
     let there = stack_parameters(Stack::Gazebo, &stepped, None, at);
     near(there.parameters[0].value, 0.03);
     near(of("timeConstantDown") / of("timeConstantUp"), 2.0);
@@ -297,7 +299,7 @@ fn indiflight_takes_whole_numbers() {
         Stack::Indiflight,
         &model(Output::Rpm, Some(map(|u| 20_000.4 * (0.4567 * u * u + (1.0 - 0.4567) * u).sqrt()))),
         None,
-        StackOptions { at: Some(0.41), output_range: None },
+        StackOptions { at: Some(0.41), ..StackOptions::default() },
     );
     let of = |name: &str| found.parameters.iter().find(|parameter| parameter.definition.name == name).unwrap();
     assert_eq!(of("indi_act_time_constant_ms").value, 49.0);
