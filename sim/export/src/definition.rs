@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use serde::Serialize;
 
+use super::betaflight::{BOOST_BOUNDS, BOOST_RELEASES, SERIES_BOUNDS, SERIES_RELEASES};
 use super::law::ThrustLaw;
 
 /// A flight stack or simulator.
@@ -74,6 +75,9 @@ impl Stack {
 pub struct Definition {
     /// Its name there.
     pub name: &'static str,
+    /// The releases of the stack that mean it so, where others do not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub releases: Option<&'static str>,
     /// Its unit; `1` for a number.
     pub unit: &'static str,
     /// What it means.
@@ -126,22 +130,40 @@ const fn definition(
     definition: &'static str,
     source: &'static str,
 ) -> Definition {
-    Definition { name, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None }
+    Definition { name, releases: None, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None }
 }
 
-const BETAFLIGHT: [Definition; 1] = [Definition {
-    scale: 100.0,
-    is_integer: true,
-    bounds: Some((0.0, 150.0)),
-    ..definition(
-        "thrust_linear",
-        "%",
-        StackParameter::ThrustCurve(ThrustLaw::Boost),
-        "the motor output that gives a share y of the full thrust is y (1 + thrust_linear/100 (1 - y)^2), both counted \
-         from the idle; the law of firmware since pull request 9740 (2020) and without 15226 (2026)",
-        "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization; pull request 9740; bounds: src/main/cli/settings.c",
-    )
-}];
+const BETAFLIGHT: [Definition; 2] = [
+    Definition {
+        releases: Some(BOOST_RELEASES),
+        scale: 100.0,
+        is_integer: true,
+        // Standard: src/main/cli/settings.c.
+        bounds: Some(BOOST_BOUNDS),
+        ..definition(
+            "thrust_linear",
+            "%",
+            StackParameter::ThrustCurve(ThrustLaw::Boost),
+            "the motor output that gives a share y of the full thrust is y (1 + t (1 - y)^2) with t = thrust_linear/100, both \
+             counted from the idle; the other releases have another law under this name: set the value of yours alone",
+            "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization, since pull request 9740 (2020)",
+        )
+    },
+    Definition {
+        releases: Some(SERIES_RELEASES),
+        scale: 100.0,
+        is_integer: true,
+        bounds: Some(SERIES_BOUNDS),
+        ..definition(
+            "thrust_linear",
+            "%",
+            StackParameter::ThrustCurve(ThrustLaw::InverseSeries),
+            "the motor output that gives a share y of the full thrust is y (1 + t (1 - y) (1 + t (1 - 2 y))) with t = thrust_linear/100, \
+             both counted from the idle; the other releases have another law under this name: set the value of yours alone",
+            "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization, since pull request 15226 (2026)",
+        )
+    },
+];
 
 const PX4: [Definition; 1] = [Definition {
     bounds: Some((0.0, 1.0)),

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use rotorlead_numerics::statistics::t_quantile;
 
 use super::lag::ConfidenceInterval;
-use super::maps::{Maps, between, check_top, scatter};
+use super::levels::Level;
+use super::maps::{Maps, between, scatter, with_standstill};
 use rotorlead_identify::estimate::Estimate;
 
 /// Rotor speed of one revolution per minute, rad/s.
@@ -26,17 +27,17 @@ pub(super) struct MotorConstant {
 }
 
 /// The rotor speed at the highest motor output, rad/s, and the command of its level. Its interval is of the scatter of the
-/// levels around their polynomial.
-pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
+/// levels around their polynomial, and of the interpolation where it is between two levels.
+pub(super) fn top_speed_rad_s(maps: &Maps, (_, top): (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
     let map = maps.rpm.as_ref().ok_or(
-        "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it beside the thrust with the option records",
+        "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it with the thrust with `--records`",
     )?;
-    check_top(map, range)?;
-    let (command, rpm) = between(map, range).last().ok_or("no level is in the motor's output range")?;
+    let levels: Vec<(f64, f64)> = with_standstill(map).collect();
+    let Level { command, response: rpm, error, .. } = Level::at_top(&levels, top)?;
     if rpm <= 0.0 {
         return Err(format!("the rotor speed at a command of {command} is {rpm} rpm: check its column"));
     }
-    let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std);
+    let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std.hypot(error));
     let end = |sign: f64| reach.map(|reach| rpm + sign * reach);
     Ok((ConfidenceInterval { value: rpm, low: end(-1.0), high: end(1.0) }.times(RPM), command))
 }
@@ -44,8 +45,8 @@ pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(Confide
 /// Least squares through zero over the levels that have both responses.
 pub(super) fn motor_constant(maps: &Maps) -> Result<MotorConstant, String> {
     let (thrust, rpm) = maps.thrust_n_and_rpm.as_ref().ok_or(
-        "thrust and rotor speed are not known on the same levels: give an experiment whose records have thrust_n and rpm with the \
-         option records",
+        "thrust and rotor speed are not known on the same levels: give an experiment whose records have thrust_n and rpm with \
+         `--records`",
     )?;
     let both: Vec<(f64, f64, f64)> = between(thrust, (0.0, 1.0))
         .filter_map(|(command, thrust)| {
