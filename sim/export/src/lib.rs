@@ -6,6 +6,8 @@
 mod betaflight;
 mod definition;
 mod fit;
+mod frequency;
+mod frequency_formats;
 mod lag;
 mod law;
 mod levels;
@@ -19,6 +21,8 @@ use serde::Serialize;
 pub use betaflight::{FirmwareRelease, ThrustLinear};
 use definition::StackParameter;
 pub use definition::{Definition, Stack};
+pub use frequency::{FrequencyResponses, MeasuredLine, TransferFunction};
+pub use frequency_formats::FREQUENCY_RESPONSE_HEADS;
 use lag::{ConfidenceInterval, Direction, LagEstimate};
 use law::ThrustLaw;
 use maps::Maps;
