@@ -12,6 +12,8 @@ use rotorlead_results::judged;
 use serde_json::json;
 
 use super::UsageError;
+use super::export_conversion::Conversion;
+use super::export_frequency::{FrequencyFormat, FrequencyOptions};
 use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{number, range};
@@ -25,9 +27,9 @@ use super::parameters::{number, range};
 pub struct Export {
     #[command(flatten)]
     model: ModelArgument,
-    /// The flight stack or simulator
-    #[arg(long = "for", value_name = "STACK", value_enum)]
-    stack: StackName,
+    /// The flight stack, simulator or program
+    #[arg(long = "for", value_name = "STACK", value_enum, required = true)]
+    stack: Option<StackName>,
     /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
@@ -42,13 +44,17 @@ pub struct Export {
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(1..=32), allow_negative_numbers = true)]
     motors: Option<u8>,
     #[command(flatten)]
+    frequency: FrequencyOptions,
+    #[command(flatten)]
+    conversion: Conversion,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
-/// The stacks.
+/// For whom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum StackName {
-    /// `thrust_linear`
+    /// `thrust_linear`, of each of the two laws that releases have
     Betaflight,
     /// `THR_MDL_FAC`
     Px4,
@@ -60,18 +66,28 @@ enum StackName {
     Indiflight,
     /// `timeConstantUp`, `timeConstantDown`, `maxRotVelocity`, `motorConstant` of the motor plugin
     Gazebo,
+    /// Frequency responses of the records and of the model, as a MAT-file for `frd`, `idfrd` and `tf`
+    Matlab,
+    /// The same for `control.FRD` and `control.tf` of Python
+    PythonControl,
+    /// The same as a table
+    Csv,
 }
 
-impl From<StackName> for Stack {
-    fn from(name: StackName) -> Self {
-        match name {
-            StackName::Betaflight => Self::Betaflight,
-            StackName::Px4 => Self::Px4,
-            StackName::Ardupilot => Self::Ardupilot,
-            StackName::Paparazzi => Self::Paparazzi,
-            StackName::Indiflight => Self::Indiflight,
-            StackName::Gazebo => Self::Gazebo,
-        }
+impl StackName {
+    /// The stack; or the program, which takes frequency responses.
+    fn stack(self) -> Result<Stack, FrequencyFormat> {
+        Ok(match self {
+            Self::Betaflight => Stack::Betaflight,
+            Self::Px4 => Stack::Px4,
+            Self::Ardupilot => Stack::Ardupilot,
+            Self::Paparazzi => Stack::Paparazzi,
+            Self::Indiflight => Stack::Indiflight,
+            Self::Gazebo => Stack::Gazebo,
+            Self::Matlab => return Err(FrequencyFormat::Matlab),
+            Self::PythonControl => return Err(FrequencyFormat::PythonControl),
+            Self::Csv => return Err(FrequencyFormat::Csv),
+        })
     }
 }
 
@@ -81,10 +97,20 @@ const MOTORS: u8 = 4;
 impl Export {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let stack = Stack::from(self.stack);
-        self.check_use(stack)?;
+        if let Some(converted) = self.conversion.run() {
+            return converted;
+        }
+        let name = self.stack.expect("it is required where nothing is converted");
+        self.check_use(name)?;
         let model = Model::read_with_map_alone(self.model.path())?;
         let experiment = self.records.as_deref().map(Experiment::read).transpose()?;
+        let stack = match (name.stack(), &experiment) {
+            (Ok(stack), _) => stack,
+            (Err(format), Some(experiment)) => return self.frequency.run(format, &model, experiment, self.at),
+            (Err(_), None) => {
+                return Err(UsageError::new("no frequency response without records", "add --records DIR").into());
+            }
+        };
         let options = StackOptions { at: self.at, output_range: self.output_range };
         let found = stack_parameters(stack, &model, experiment.as_ref(), options);
         if found.parameters.is_empty() {
@@ -99,29 +125,36 @@ impl Export {
         Ok(outcome)
     }
 
-    /// Refuses options that none of the stack's parameters depends on.
-    fn check_use(&self, stack: Stack) -> Result<(), UsageError> {
-        let name = self.stack.to_possible_value().expect("none is skipped");
+    /// Refuses options that nothing depends on which is asked for.
+    fn check_use(&self, name: StackName) -> Result<(), UsageError> {
+        let stack = name.stack().ok();
+        let name = name.to_possible_value().expect("none is skipped");
         let name = name.get_name();
         let refuse = |option: &str, of: &str| {
             Err(UsageError::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
         };
-        if self.at.is_some() && !stack.has_time_constant() {
+        if self.at.is_some() && stack.is_some_and(|stack| !stack.has_time_constant()) {
             return refuse("--at", "the command of a time constant");
         }
-        if self.output_range.is_some() && stack.output_range().is_none() {
+        if self.output_range.is_some() && stack.is_none_or(|stack| stack.output_range().is_none()) {
             return refuse("--output-range", "for thrust curves and the highest speed");
         }
-        if self.motors.is_some() && !stack.is_per_motor() {
+        if self.motors.is_some() && !stack.is_some_and(Stack::is_per_motor) {
             return refuse("--motors", "for parameters of each motor");
         }
-        Ok(())
+        match self.frequency.given() {
+            Some(option) if stack.is_some() => refuse(option, "for frequency responses"),
+            _ => Ok(()),
+        }
     }
 }
 
 fn nothing_known(found: &StackParameters, model: &Path) -> miette::Report {
-    let reasons: Vec<String> =
-        found.refused.iter().map(|refusal| format!("{}: {}", refusal.name, refusal.why)).collect();
+    let reasons: Vec<String> = found
+        .refused
+        .iter()
+        .map(|refusal| format!("{}: {}", named(refusal.name, refusal.releases), refusal.why))
+        .collect();
     miette::miette!(
         help = "docs/export.md says what each parameter is from, and what to record",
         "`{}` tells none of the parameters: {}",
@@ -140,14 +173,21 @@ fn text(found: &StackParameters, motors: u8) -> String {
     let unknown = found
         .refused
         .iter()
-        .map(|refusal| syntax.comment(&[format!("{} is not known: {}", refusal.name, refusal.why)]));
+        .map(|refusal| format!("{} is not known: {}", named(refusal.name, refusal.releases), refusal.why))
+        .map(|refusal| syntax.comment(&[refusal]));
     known.chain(unknown).collect::<Vec<_>>().join("\n")
+}
+
+/// A parameter's name, and of which releases it is where others mean another thing by it.
+fn named(name: &str, releases: Option<&str>) -> String {
+    releases.map_or_else(|| name.to_owned(), |releases| format!("{name} of releases {releases}"))
 }
 
 /// The comment above a parameter.
 fn about(parameter: &Parameter) -> Vec<String> {
     let unit = if parameter.definition.unit == "1" { String::new() } else { format!(" {}", parameter.definition.unit) };
-    let mut of = format!("{} = {}{unit}", parameter.definition.name, digits(parameter.value));
+    let name = named(parameter.definition.name, parameter.definition.releases);
+    let mut of = format!("{name} = {}{unit}", digits(parameter.value));
     match (parameter.low, parameter.high) {
         (Some(low), Some(high)) => write!(of, ", 95 % interval {} to {}", digits(low), digits(high)),
         _ => write!(of, ", whose interval is not in the model"),
@@ -202,6 +242,9 @@ impl Syntax {
     /// Paragraphs as one comment.
     fn comment(&self, paragraphs: &[String]) -> String {
         let [begin, next, end] = self.comment;
+        // A comment in XML ends with two hyphens, so that options are named without them.
+        let plain = |words: &String| if end.is_empty() { words.clone() } else { words.replace("--", "option ") };
+        let paragraphs: Vec<String> = paragraphs.iter().map(plain).collect();
         let lines: Vec<_> = paragraphs.iter().flat_map(|words| textwrap::wrap(words, WIDTH)).collect();
         format!("{begin}{}{end}\n", lines.join(&format!("\n{next}")))
     }

@@ -13,6 +13,8 @@ mod diagnose;
 mod excite;
 mod exit;
 mod export;
+mod export_conversion;
+mod export_frequency;
 mod fleet;
 mod help;
 mod help_pages;
