@@ -33,7 +33,9 @@ pub(super) fn fit(law: ThrustLaw, levels: &[(f64, f64)], (low, high): (f64, f64)
     let ends = bottom.into_iter().chain([Level::at_top(levels, high)?]);
     let interpolated: Vec<Level> = ends.filter(Level::is_interpolated).collect();
     let parameters = if has_offset { 3 } else { 2 };
-    let is_within = |(_, (command, _)): &(usize, &(f64, f64))| (low - END..=high + END).contains(command);
+    // At a command of 0 a law without an offset is 0 whatever its parameter.
+    let is_informative = |command: f64| (low - END..=high + END).contains(&command) && (has_offset || command > 0.0);
+    let is_within = |(_, level): &(usize, &(f64, f64))| is_informative(level.0);
     let measured: Vec<Level> =
         levels.iter().enumerate().filter(is_within).map(|(index, level)| Level::measured(index, *level)).collect();
     if measured.len() < parameters + SPARE_LEVELS {
