@@ -135,8 +135,104 @@ fn all_stacks_go_into_a_folder_which_is_whole_or_not_there() {
     assert!(!stand.path("stacks/gym-pybullet-drones.xml").exists());
     stand.refuses("export --for all --out stacks --model stepped.toml", 1, &["stacks", "not empty"]);
     stand.refuses("export --for all --model stepped.toml", 2, &["--out"]);
-    stand.run("export --for px4 --out one --model stepped.toml");
-    assert!(stand.path("one/px4.txt").is_file());
+    // A file of its own may be replaced.
+    for _ in 0..2 {
+        stand.run("export --for gazebo --out gazebo.xml --model stepped.toml");
+    }
+    assert_eq!(
+        std::fs::read(stand.path("gazebo.xml")).unwrap(),
+        std::fs::read(stand.path("stacks/gazebo.xml")).unwrap()
+    );
+}
+
+#[test]
+fn a_table_in_steps_of_a_tenth_is_enough_for_every_thrust_curve() {
+    let stand = Stand::new();
+    std::fs::create_dir(stand.path("tenths")).unwrap();
+    stand.write(
+        "tenths/experiment.toml",
+        "format = 1\nname = \"tenths\"\ncommand = \"duty\"\noutput = \"thrust_n\"\n[[record]]\nfile = \"steady.csv\"\n\
+         nominal = 0.5\nexcitation = \"steady\"\n",
+    );
+    // thrust = 12 (0.6 u^2 + 0.4 u): a quadratic counted from 0.15 to 0.95 has 0.6 0.8 / (0.4 + 0.6 (0.15 + 0.95)) = 0.4528.
+    let row = |tenth: i32| (f64::from(tenth), f64::from(tenth) / 10.0);
+    let rows = (0..=10).map(row).map(|(time, u)| format!("{time},{u},{}\n", 12.0 * (0.6 * u * u + 0.4 * u)));
+    stand.write("tenths/steady.csv", format!("time_s,command,thrust_n\n{}", rows.collect::<String>()));
+    stand.run("identify tenths --out tenths.toml");
+    let known = |stack: &str| stand.json(&format!("export --for {stack} --model tenths.toml"))["parameters"].clone();
+    assert!((known("px4")[0]["value"].as_f64().unwrap() - 0.6).abs() < 1e-6);
+    assert!((known("ardupilot")[0]["value"].as_f64().unwrap() - 0.452_83).abs() < 1e-4);
+    let both = known("betaflight");
+    for (parameter, releases) in [(&both[0], "4.2 to 2025.12"), (&both[1], "2026.6 on")] {
+        assert_eq!(parameter["releases"], releases, "{both:#}");
+        let [low, value, high] = ["low", "value", "high"].map(|key| parameter[key].as_f64().unwrap());
+        assert!(low < value && value < high && value.fract() == 0.0, "{both:#}");
+    }
+    // As in the laws' series, the newer value is near that of the quadratic between the same ends.
+    assert!((both[1]["value"].as_f64().unwrap() / 100.0 - 0.6).abs() < 0.1, "{both:#}");
+    let text = stand.run("export --for ardupilot --model tenths.toml");
+    assert!(text.contains("at 0.15 and at 0.95 is interpolated") && text.contains("`--output-range`"), "{text}");
+}
+
+#[test]
+fn a_value_of_thrust_linear_is_converted_to_the_other_law_without_a_model() {
+    let stand = Stand::new();
+    let text = stand.run("export --convert thrust_linear=120 --from 2025.12");
+    assert!(text.ends_with("set thrust_linear = 64\n") && text.contains("does not convert"), "{text}");
+    assert!(text.contains("1.5 % rms") && text.contains("60.0 has the same output at half thrust"), "{text}");
+    let json = stand.json("export --convert thrust_linear=64 --from 2026.6.1");
+    assert_eq!((&json["value"], &json["releases"]), (&Value::from(122.0), &Value::from("4.2 to 2025.12")), "{json:#}");
+    stand.refuses("export --convert thrust_linear=90 --from 2026.6", 1, &["0 to 150", "178", "--for betaflight"]);
+    for (arguments, parts) in [
+        ("--convert thrust_linear=120", &["--from"][..]),
+        ("--convert thrust_linear=1.5 --from 4.5", &["thrust_linear=VALUE"]),
+        ("--convert thrust_linear=20 --from 4.1", &["4.1", "4.2 and later"]),
+        ("--convert thrust_linear=20 --from new", &["2026.6"]),
+        ("--convert thrust_linear=20 --from 4.5 --for px4", &["--for", "cannot be used with"]),
+        ("--from 4.5 --for px4 --model model.toml", &["--convert"]),
+    ] {
+        stand.refuses(&format!("export {arguments}"), 2, parts);
+    }
+}
+
+#[test]
+fn frequency_responses_go_to_matlab_python_and_tables() {
+    let stand = Stand::new();
+    stand.run("simulate model.toml --plan plan.toml --out sim");
+    stand.run("design model.toml --out lead.toml --kind lead");
+    let csv = stand.run("export --model model.toml --for csv --records sim --compensator lead.toml");
+    let rows: Vec<Vec<f64>> =
+        csv.lines().skip(1).map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
+    assert!(rows.len() > 100 && rows.iter().all(|row| row.len() == 14), "{csv}");
+    // The motor is that of the model: at its lowest frequency the response is near its gain.
+    assert!((rows[0][3] - 7.1).abs() < 0.2 && rows[0][9] > 0.9, "{:?}", rows[0]);
+    let python = stand.run("export --model model.toml --for python-control --records sim --out motor.py");
+    assert!(python.contains("Written to motor.py"), "{python}");
+    stand.run("export --model model.toml --for matlab --records sim --out motor.mat");
+    // An own file may be replaced, and a log may not.
+    stand.run("export --model model.toml --for matlab --records sim --out motor.mat");
+    stand.write("log.csv", "time_s,command\n0,0.1\n0.1,0.2,\n");
+    stand.refuses(
+        "export --model model.toml --for csv --records sim --out log.csv",
+        1,
+        &["a table of commands", "--force"],
+    );
+    // The reader of logs lists what the file has.
+    stand.refuses(
+        "import motor.mat --excitation multisine --out imported",
+        1,
+        &["frequency", "coherence", "covariance"],
+    );
+    for (arguments, parts) in [
+        ("--for matlab --records sim", &["--out FILE"][..]),
+        ("--for csv", &["--records DIR"]),
+        ("--for px4 --compensator lead.toml", &["--compensator", "px4 has none"]),
+        ("--for csv --records sim --motors 4", &["--motors", "csv has none"]),
+    ] {
+        stand.refuses(&format!("export --model model.toml {arguments}"), 2, parts);
+    }
+    stand.refuses("export --model model.toml --for csv --records sim --at 0.4", 1, &["commands of 0.5", "`--at`"]);
+    stand.refuses("export --model model.toml --for csv --records stand", 1, &["no multisine"]);
 }
 
 #[test]

@@ -1,15 +1,16 @@
 //! `rotorlead export`
 
-mod syntax;
-mod text;
+mod conversion;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
-use rotorlead_export::{ReplayRecords, Stack, StackOptions, StackParameters, stack_parameters};
-use rotorlead_plant::Model;
-use rotorlead_records::files::{AcceptedRange, OutputFolder};
+use rotorlead_export::{ExportSettings, Exported, ExportedValues, Exporter, Refusal, Stack, StackOptions, Target};
+use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_records::files::{AcceptedRange, OutputFolder, check_writable, write_file};
 use rotorlead_records::{Experiment, Finding};
 use rotorlead_results::judged;
 use serde_json::{Value, json};
@@ -18,29 +19,32 @@ use super::UsageError;
 use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::{number, range};
-use syntax::Syntax;
-use text::{about_replay, parameters_text};
+use super::replacement::written_to;
+use conversion::Conversion;
 
 /// Prints a model's parameters as a flight stack or a simulator calls them
 ///
 /// Each is in the stack's own syntax below a comment with its 95 % interval, its definition and where the stack says so: thrust
 /// curves are fitted to the static map in the stack's normalization, time constants are those of the model at one command. What
 /// the measurements cannot tell is refused, and what is missing is said. With --records, a simulator's own law is run on the records
-/// beside the model. See docs/export.md.
+/// beside the model, and matlab, python-control and csv get their frequency response. See docs/export.md.
 #[derive(Args, Debug)]
 pub struct Export {
     #[command(flatten)]
     model: ModelArgument,
-    /// The flight stack or simulator
-    #[arg(long = "for", value_name = "STACK", value_enum)]
-    stack: StackName,
-    /// Write a file for each stack into this folder, which is made
-    #[arg(long, value_name = "DIR", required_if_eq("stack", "all"))]
+    /// The flight stack, simulator or program
+    #[arg(long = "for", value_name = "STACK", value_enum, required = true)]
+    target: Option<TargetName>,
+    /// File; of all, the folder that is made with a file for each. Standard output unless given, but for all and for matlab
+    #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records, and replay those that
-    /// are held out, or all, through the law of a simulator
+    /// Also take steady thrust or rotor speed, where the model has not got it, from this experiment's records; replay those that
+    /// are held out, or all, through the law of a simulator; and take the frequency response from its multisines
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
+    /// A compensator in front of the motor: matlab, python-control and csv then also get both together
+    #[arg(long, value_name = "FILE")]
+    compensator: Option<PathBuf>,
     /// Steps per second of the simulation; the simulator's own unless given
     #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_negative_numbers = true)]
     step_rate: Option<f64>,
@@ -55,208 +59,155 @@ pub struct Export {
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(1..=32), allow_negative_numbers = true)]
     motors: Option<u8>,
     #[command(flatten)]
+    conversion: Conversion,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
-/// The stacks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum StackName {
-    /// `thrust_linear`
-    Betaflight,
-    /// `THR_MDL_FAC`
-    Px4,
-    /// `MOT_THST_EXPO`
-    Ardupilot,
-    /// `ACT_FREQ`
-    Paparazzi,
-    /// `indi_act_time_constant_ms`, `indi_act_nonlinearity`, `indi_act_max_rpm`
-    Indiflight,
-    /// `timeConstantUp`, `timeConstantDown`, `maxRotVelocity`, `motorConstant` of the motor plugin
-    Gazebo,
-    /// `thrust_range`, `max_thrust_rate`, `thrust_const_range`, `tau_inc_range`, `tau_dec_range` of `ThrusterCfg`
-    IsaacLab,
-    /// `motor_thrust_constant`, `motor_time_constant_increasing` and `_decreasing`, `max_thrust`, `max_thrust_rate`
-    AerialGym,
-    /// `rotor_dyn_coef`, `rpm2thrust`, `thrust_max`
-    Crazyflow,
-    /// `tau_m`, `k_eta`, `rotor_speed_max`
-    Rotorpy,
-    /// `kf`
-    GymPybulletDrones,
-    /// `SIH_T_TAU`, `SIH_T_MAX`
-    Px4Sih,
-    /// `dynprm`, `gainprm`, `delay`, `nsample` of a general actuator
-    Mujoco,
-    /// `motor_tau`, `motor_omega_max`, `thrust_map`
-    Flightmare,
-    /// Each of them, with --out
+/// For whom, as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TargetName {
+    One(Target),
     All,
 }
 
-impl StackName {
-    /// The stack; `None` for all.
-    fn stack(self) -> Option<Stack> {
+impl ValueEnum for TargetName {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: LazyLock<Vec<TargetName>> =
+            LazyLock::new(|| Target::all().map(TargetName::One).chain([TargetName::All]).collect());
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self {
-            Self::Betaflight => Stack::Betaflight,
-            Self::Px4 => Stack::Px4,
-            Self::Ardupilot => Stack::Ardupilot,
-            Self::Paparazzi => Stack::Paparazzi,
-            Self::Indiflight => Stack::Indiflight,
-            Self::Gazebo => Stack::Gazebo,
-            Self::IsaacLab => Stack::IsaacLab,
-            Self::AerialGym => Stack::AerialGym,
-            Self::Crazyflow => Stack::Crazyflow,
-            Self::Rotorpy => Stack::Rotorpy,
-            Self::GymPybulletDrones => Stack::GymPybulletDrones,
-            Self::Px4Sih => Stack::Px4Sih,
-            Self::Mujoco => Stack::Mujoco,
-            Self::Flightmare => Stack::Flightmare,
-            Self::All => return None,
+            Self::One(target) => PossibleValue::new(target.name()).help(target.about()),
+            Self::All => PossibleValue::new("all").help("Each of them, into a folder"),
         })
     }
-
-    fn name(self) -> String {
-        self.to_possible_value().expect("none is skipped").get_name().to_owned()
-    }
-}
-
-/// Motors of a vehicle unless it is said.
-const MOTORS: u8 = 4;
-
-/// What is exported for a stack.
-struct Exported {
-    name: String,
-    extension: &'static str,
-    text: String,
-    json: Value,
-    found: StackParameters,
 }
 
 impl Export {
     /// Runs the command and says what came out.
     pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
-        self.json.answer(self.out.as_deref(), || self.run(), verbosity)
+        let folder = self.out.as_deref().filter(|_| self.target == Some(TargetName::All));
+        self.json.answer(folder, || self.run(), verbosity)
     }
 
     fn run(&self) -> miette::Result<Outcome> {
-        self.check_use()?;
+        if let Some(converted) = self.conversion.run() {
+            return converted;
+        }
+        let name = self.target.expect("it is required where nothing is converted");
+        match name {
+            TargetName::One(target) => self.check_use(target)?,
+            TargetName::All if self.out.is_none() => {
+                return Err(UsageError::new("a folder is not printed", "add --out DIR").into());
+            }
+            TargetName::All => {}
+        }
         let model = Model::read_with_map_alone(self.model.path())?;
         let experiment = self.records.as_deref().map(Experiment::read).transpose()?;
-        let names: Vec<StackName> = match self.stack {
-            StackName::All => {
-                StackName::value_variants().iter().copied().filter(|name| *name != StackName::All).collect()
-            }
-            one => vec![one],
+        let compensator = self.compensator.as_deref().map(CompensatorDesign::read).transpose()?;
+        let step_s = self.step_rate.map(f64::recip);
+        let settings = ExportSettings {
+            options: StackOptions { at: self.at, output_range: self.output_range, step_s },
+            motors: self.motors,
+            compensator: compensator.as_ref(),
+            warnings: judged(&model).iter().map(Finding::sentence).collect(),
         };
-        // A model is compared with records where a simulator asks for it.
-        let simulators = names.iter().filter_map(|name| name.stack()).any(Stack::has_step);
-        let records =
-            experiment.as_ref().filter(|_| simulators).map(|experiment| ReplayRecords::new(&model, experiment));
-        let exported = names.iter().filter_map(|name| {
-            Some(self.exported(name.stack()?, name.name(), &model, experiment.as_ref(), records.as_ref()))
-        });
-        let (mut known, unknown): (Vec<Exported>, Vec<Exported>) =
-            exported.partition(|exported| !exported.found.parameters.is_empty());
-        if known.is_empty() {
-            return Err(nothing_known(&unknown, self.model.path()));
+        let exporter = Exporter::new(&model, experiment.as_ref(), settings);
+        match (name, &self.out) {
+            (TargetName::One(target), out) => self.one(&exporter, target, out.as_deref()),
+            (TargetName::All, Some(out)) => self.all(&exporter, out),
+            (TargetName::All, None) => unreachable!("it was refused"),
         }
-        let Some(out) = &self.out else {
-            let Exported { text, json, .. } = known.remove(0);
-            return Ok(Outcome { json, ..Outcome::new(text, &()) });
+    }
+
+    fn one(&self, exporter: &Exporter, target: Target, out: Option<&Path>) -> miette::Result<Outcome> {
+        out.map_or(Ok(()), check_writable)?;
+        let Exported { content, values } =
+            exporter.export(target).map_err(|refused| self.nothing_known(&reasons(&refused)))?;
+        let Some(out) = out else {
+            return Ok(Outcome::new(String::from_utf8_lossy(&content).into_owned(), &values));
         };
+        let written = written_to(out);
+        write_file(out, &content)?;
+        Ok(Outcome::new(format!("{written}\n"), &values))
+    }
+
+    fn all(&self, exporter: &Exporter, out: &Path) -> miette::Result<Outcome> {
         let folder = OutputFolder::create(out)?;
-        let mut text = String::new();
-        for Exported { name, extension, text: content, .. } in &known {
-            let file = format!("{name}.{extension}");
-            folder.write(&file, content.as_bytes())?;
-            writeln!(text, "Written to {}", out.join(file).display()).expect("a string takes all");
+        let (mut text, mut unknown, mut stacks, mut frequency) =
+            (String::new(), String::new(), Vec::new(), Value::Null);
+        for target in Target::all() {
+            match exporter.export(target) {
+                Ok(Exported { content, values }) => {
+                    let file = format!("{}.{}", target.name(), target.extension());
+                    folder.write(&file, &content)?;
+                    writeln!(text, "Written to {}", out.join(file).display()).expect("a string takes all");
+                    match values {
+                        ExportedValues::Stack(values) => stacks.push(json!(values)),
+                        ExportedValues::Frequency(values) => frequency = json!(values),
+                    }
+                }
+                Err(refused) => {
+                    writeln!(unknown, "Nothing is known for {}: {}", target.name(), reasons(&refused))
+                        .expect("a string takes all");
+                    if let Some(stack) = target.stack() {
+                        stacks.push(json!({ "stack": stack, "parameters": [], "refused": refused }));
+                    }
+                }
+            }
+        }
+        if text.is_empty() {
+            return Err(self.nothing_known(&unknown));
         }
         folder.commit()?;
-        for Exported { name, found, .. } in &unknown {
-            writeln!(text, "Nothing is known for {name}: {}", reasons(found)).expect("a string takes all");
-        }
-        let json: Vec<Value> = known.into_iter().chain(unknown).map(|exported| exported.json).collect();
-        Ok(Outcome::new(text, &json!({ "stacks": json })))
+        Ok(Outcome::new(text + &unknown, &json!({ "stacks": stacks, "frequency_response": frequency })))
     }
 
-    fn exported(
-        &self,
-        stack: Stack,
-        name: String,
-        model: &Model,
-        experiment: Option<&Experiment>,
-        records: Option<&Result<Option<ReplayRecords>, String>>,
-    ) -> Exported {
-        let options =
-            StackOptions { at: self.at, output_range: self.output_range, step_s: self.step_rate.map(f64::recip) };
-        let found = stack_parameters(stack, model, experiment, options);
-        let motors = if stack.is_per_motor() { self.motors.unwrap_or(MOTORS) } else { 1 };
-        let warnings: Vec<String> = judged(model).iter().map(Finding::sentence).collect();
-        let syntax = Syntax::for_stack(stack);
-        let comments = warnings.iter().map(|warning| syntax.comment(&[format!("warning: {warning}")]) + "\n");
-        let mut text = comments.collect::<String>();
-        if !stack.remarks().is_empty() {
-            let remarks: Vec<String> = stack.remarks().iter().map(ToString::to_string).collect();
-            text += &(syntax.comment(&remarks) + "\n");
-        }
-        text += &parameters_text(&found, &syntax, motors);
-        let mut json = serde_json::to_value(&found).expect("keys are text, and no value fails to be written");
-        json["warnings"] = json!(warnings);
-        let replayed = records.filter(|_| stack.has_step()).map(|records| match records {
-            Ok(None) => Ok((Vec::new(), false)),
-            Ok(Some(records)) => Ok((records.replays(stack, options)?, records.held_out)),
-            Err(why) => Err(why.clone()),
-        });
-        match replayed {
-            Some(Ok((replays, held_out))) => {
-                for replay in &replays {
-                    text += &format!("\n{}", syntax.comment(&about_replay(replay, held_out)));
-                }
-                json["replays"] = json!(replays);
-            }
-            Some(Err(why)) => {
-                text += &format!("\n{}", syntax.comment(&[format!("the records were not replayed: {why}")]));
-                json["not_replayed"] = json!(why);
-            }
-            None => {}
-        }
-        Exported { name, extension: syntax.extension, text, json, found }
-    }
-
-    /// Refuses options that none of the stack's parameters depends on.
-    fn check_use(&self) -> Result<(), UsageError> {
-        let Some(stack) = self.stack.stack() else { return Ok(()) };
-        let name = self.stack.name();
+    /// Refuses options that nothing depends on which is asked for.
+    fn check_use(&self, target: Target) -> Result<(), UsageError> {
+        let (name, stack) = (target.name(), target.stack());
+        let is = |has: fn(Stack) -> bool| stack.is_some_and(has);
         let refuse = |option: &str, of: &str| {
             Err(UsageError::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
         };
-        if self.at.is_some() && !stack.has_time_constant() {
+        if self.at.is_some() && stack.is_some_and(|stack| !stack.has_time_constant()) {
             return refuse("--at", "the command of a time constant");
         }
-        if self.output_range.is_some() && stack.output_range().is_none() {
+        if self.output_range.is_some() && !is(|stack| stack.output_range().is_some()) {
             return refuse("--output-range", "for thrust curves and the highest speed");
         }
-        if self.step_rate.is_some() && !stack.has_step() {
+        if self.step_rate.is_some() && !is(Stack::has_step) {
             return refuse("--step-rate", "for the steps of a simulator");
         }
-        if self.motors.is_some() && !stack.is_per_motor() {
+        if self.motors.is_some() && !is(Stack::is_per_motor) {
             return refuse("--motors", "for parameters of each motor");
+        }
+        if self.compensator.is_some() && stack.is_some() {
+            return refuse("--compensator", "for frequency responses");
+        }
+        if stack.is_none() && self.records.is_none() {
+            return Err(UsageError::new("no frequency response without records", "add --records DIR"));
+        }
+        if !target.is_text() && self.out.is_none() {
+            return Err(UsageError::new("a MAT-file is not printed", "add --out FILE"));
         }
         Ok(())
     }
+
+    fn nothing_known(&self, reasons: &str) -> miette::Report {
+        miette::miette!(
+            help = "docs/export.md says what each parameter is from, and what to record",
+            "`{}` tells none of the parameters: {}",
+            self.model.path().display(),
+            reasons.trim_end()
+        )
+    }
 }
 
-fn reasons(found: &StackParameters) -> String {
-    let reasons = found.refused.iter().map(|refusal| format!("{}: {}", refusal.name, refusal.why));
+fn reasons(refused: &[Refusal]) -> String {
+    let reasons = refused.iter().map(|refusal| format!("{}: {}", refusal.full_name(), refusal.why));
     reasons.collect::<Vec<_>>().join("; ")
-}
-
-fn nothing_known(unknown: &[Exported], model: &Path) -> miette::Report {
-    let reasons: Vec<String> = unknown.iter().map(|exported| reasons(&exported.found)).collect();
-    miette::miette!(
-        help = "docs/export.md says what each parameter is from, and what to record",
-        "`{}` tells none of the parameters: {}",
-        model.display(),
-        reasons.join("; ")
-    )
 }

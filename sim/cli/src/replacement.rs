@@ -5,6 +5,7 @@ use std::io::{self, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use miette::Diagnostic;
+use rotorlead_export::is_exported;
 use rotorlead_records::files::TomlFile;
 use rotorlead_report::is_drawn;
 use serde::Deserialize;
@@ -12,6 +13,7 @@ use thiserror::Error;
 
 const COMMANDS: &str = "a table of commands";
 const COMPENSATOR: &str = "a compensator";
+const EXPORT: &str = "exported numbers";
 const FIGURE: &str = "a figure";
 const JSON: &str = "JSON of this program";
 const MODEL: &str = "a model";
@@ -61,6 +63,7 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         (_, "out_compensator") | ("design", "out") => &[COMPENSATOR],
         ("identify", "out") => &[MODEL, STAND],
         ("excite", "out") => &[COMMANDS],
+        ("export", "out") => &[EXPORT],
         _ => return Ok(()),
     };
     if !loses(path) {
@@ -108,6 +111,9 @@ fn kind(path: &Path) -> Option<&'static str> {
     }
     if beginning.lines().next() == Some("time_s,command") {
         return Some(COMMANDS);
+    }
+    if is_exported(&beginning) {
+        return Some(EXPORT);
     }
     let is_own = |json: Generated| json.generator.starts_with(GENERATOR);
     let is_json = |file: File| serde_json::from_reader(BufReader::new(file)).is_ok_and(is_own);

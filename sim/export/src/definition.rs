@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use serde::Serialize;
 
+use super::betaflight::{BOOST_BOUNDS, BOOST_RELEASES, SERIES_BOUNDS, SERIES_RELEASES};
 use super::law::ThrustLaw;
 use super::stepping::{self, Stepping};
 use super::{remarks, simulators};
@@ -60,6 +61,54 @@ impl Stack {
         Self::Mujoco,
         Self::Flightmare,
     ];
+
+    /// What it is called.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Betaflight => "betaflight",
+            Self::Px4 => "px4",
+            Self::Ardupilot => "ardupilot",
+            Self::Paparazzi => "paparazzi",
+            Self::Indiflight => "indiflight",
+            Self::Gazebo => "gazebo",
+            Self::IsaacLab => "isaac-lab",
+            Self::AerialGym => "aerial-gym",
+            Self::Crazyflow => "crazyflow",
+            Self::Rotorpy => "rotorpy",
+            Self::GymPybulletDrones => "gym-pybullet-drones",
+            Self::Px4Sih => "px4-sih",
+            Self::Mujoco => "mujoco",
+            Self::Flightmare => "flightmare",
+        }
+    }
+
+    /// What is written for it.
+    #[must_use]
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Betaflight => "`thrust_linear`, of each of the two laws that releases have",
+            Self::Px4 => "`THR_MDL_FAC`",
+            Self::Ardupilot => "`MOT_THST_EXPO`",
+            Self::Paparazzi => "`ACT_FREQ`",
+            Self::Indiflight => "`indi_act_time_constant_ms`, `indi_act_nonlinearity`, `indi_act_max_rpm`",
+            Self::Gazebo => {
+                "`timeConstantUp`, `timeConstantDown`, `maxRotVelocity`, `motorConstant` of the motor plugin"
+            }
+            Self::IsaacLab => {
+                "`thrust_range`, `max_thrust_rate`, `thrust_const_range`, `tau_inc_range`, `tau_dec_range` of `ThrusterCfg`"
+            }
+            Self::AerialGym => {
+                "`motor_thrust_constant`, `motor_time_constant_increasing` and `_decreasing`, `max_thrust`, `max_thrust_rate`"
+            }
+            Self::Crazyflow => "`rotor_dyn_coef`, `rpm2thrust`, `thrust_max`",
+            Self::Rotorpy => "`tau_m`, `k_eta`, `rotor_speed_max`",
+            Self::GymPybulletDrones => "`kf`",
+            Self::Px4Sih => "`SIH_T_TAU`, `SIH_T_MAX`",
+            Self::Mujoco => "`dynprm`, `gainprm`, `delay`, `nsample` of a general actuator",
+            Self::Flightmare => "`motor_tau`, `motor_omega_max`, `thrust_map`",
+        }
+    }
 
     /// What it is asked for.
     #[must_use]
@@ -132,6 +181,9 @@ impl Stack {
 pub struct Definition {
     /// Its name there.
     pub name: &'static str,
+    /// The releases of the stack that mean it so, where others do not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub releases: Option<&'static str>,
     /// Its unit; `1` for a number.
     pub unit: &'static str,
     /// What it means.
@@ -204,6 +256,18 @@ impl StackParameter {
     }
 }
 
+impl Definition {
+    /// Its name, and of which releases it is where others mean another thing by it.
+    #[must_use]
+    pub fn full_name(&self) -> String {
+        full_name(self.name, self.releases)
+    }
+}
+
+pub(super) fn full_name(name: &str, releases: Option<&str>) -> String {
+    releases.map_or_else(|| name.to_owned(), |releases| format!("{name} of releases {releases}"))
+}
+
 pub(super) const fn definition(
     name: &'static str,
     unit: &'static str,
@@ -211,22 +275,51 @@ pub(super) const fn definition(
     definition: &'static str,
     source: &'static str,
 ) -> Definition {
-    Definition { name, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None, written: None }
+    Definition {
+        name,
+        releases: None,
+        unit,
+        definition,
+        source,
+        quantity,
+        scale: 1.0,
+        is_integer: false,
+        bounds: None,
+        written: None,
+    }
 }
 
-const BETAFLIGHT: [Definition; 1] = [Definition {
-    scale: 100.0,
-    is_integer: true,
-    bounds: Some((0.0, 150.0)),
-    ..definition(
-        "thrust_linear",
-        "%",
-        StackParameter::ThrustCurve(ThrustLaw::Boost),
-        "the motor output that gives a share y of the full thrust is y (1 + thrust_linear/100 (1 - y)^2), both counted \
-         from the idle; the law of firmware since pull request 9740 (2020) and without 15226 (2026)",
-        "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization; pull request 9740; bounds: src/main/cli/settings.c",
-    )
-}];
+const BETAFLIGHT: [Definition; 2] = [
+    Definition {
+        releases: Some(BOOST_RELEASES),
+        scale: 100.0,
+        is_integer: true,
+        // Standard: src/main/cli/settings.c.
+        bounds: Some(BOOST_BOUNDS),
+        ..definition(
+            "thrust_linear",
+            "%",
+            StackParameter::ThrustCurve(ThrustLaw::Boost),
+            "the motor output that gives a share y of the full thrust is y (1 + t (1 - y)^2) with t = thrust_linear/100, both \
+             counted from the idle; the other releases have another law under this name: set the value of yours alone",
+            "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization, since pull request 9740 (2020)",
+        )
+    },
+    Definition {
+        releases: Some(SERIES_RELEASES),
+        scale: 100.0,
+        is_integer: true,
+        bounds: Some(SERIES_BOUNDS),
+        ..definition(
+            "thrust_linear",
+            "%",
+            StackParameter::ThrustCurve(ThrustLaw::InverseSeries),
+            "the motor output that gives a share y of the full thrust is y (1 + t (1 - y) (1 + t (1 - 2 y))) with t = thrust_linear/100, \
+             both counted from the idle; the other releases have another law under this name: set the value of yours alone",
+            "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization, since pull request 15226 (2026)",
+        )
+    },
+];
 
 const PX4: [Definition; 1] = [Definition {
     bounds: Some((0.0, 1.0)),

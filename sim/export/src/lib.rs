@@ -3,10 +3,15 @@
 //! Each parameter has its stack's own [`Definition`] and normalization, an interval that covers with 95 %, and is refused
 //! where the model or the records cannot tell it.
 
+mod betaflight;
 mod definition;
+mod files;
 mod fit;
+mod frequency;
+mod frequency_formats;
 mod lag;
 mod law;
+mod levels;
 mod maps;
 mod remarks;
 mod replay;
@@ -18,12 +23,17 @@ use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
 use serde::Serialize;
 
+pub use betaflight::{FirmwareRelease, ThrustLinear};
 use definition::StackParameter;
 pub use definition::{Definition, Stack};
+pub use files::{
+    ExportSettings, Exported, ExportedValues, Exporter, FrequencyFormat, StackExport, Target, is_exported,
+};
+pub use frequency::{FrequencyResponses, MeasuredLine, TransferFunction};
 use lag::{ConfidenceInterval, Direction, LagEstimate};
 use law::ThrustLaw;
 use maps::Maps;
-pub use replay::{RecordFit, Replay, ReplayRecords};
+pub use replay::{RecordFit, Replay};
 pub use stepping::{Lagging, Stepping};
 
 /// What a person says of the vehicle.
@@ -64,8 +74,19 @@ pub struct Parameter {
 pub struct Refusal {
     /// The parameter.
     pub name: &'static str,
+    /// The releases of the stack that mean it so, where others do not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub releases: Option<&'static str>,
     /// What is missing, and what to do.
     pub why: String,
+}
+
+impl Refusal {
+    /// The parameter's name, and of which releases it is where others mean another thing by it.
+    #[must_use]
+    pub fn full_name(&self) -> String {
+        definition::full_name(self.name, self.releases)
+    }
 }
 
 /// All that is known for a stack.
@@ -93,7 +114,7 @@ pub fn stack_parameters(
     for definition in stack.definitions() {
         match known.raw(definition.quantity).and_then(|raw| raw.in_units(definition)) {
             Ok(parameter) => parameters.push(parameter),
-            Err(why) => refused.push(Refusal { name: definition.name, why }),
+            Err(why) => refused.push(Refusal { name: definition.name, releases: definition.releases, why }),
         }
     }
     StackParameters { stack, parameters, refused }
@@ -160,9 +181,7 @@ impl<'a> KnownMotor<'a> {
         let lag = LagEstimate::from_model(self.model, self.at)?;
         let mut notes = Vec::new();
         if self.at.is_none() {
-            notes.push(String::from(
-                "taken in the middle of the commands measured: say that of hover with the option at",
-            ));
+            notes.push(String::from("taken in the middle of the commands measured: state that of hover with `--at`"));
         }
         if lag.delay_s > 0.0 {
             notes.push(format!("a dead time of {:.1} ms is beside it, and not in it", 1e3 * lag.delay_s));
@@ -185,8 +204,7 @@ impl<'a> KnownMotor<'a> {
             return Err(match lag.delay_s {
                 0.0 => String::from("the model has no dead time: leave it out"),
                 delay_s => format!(
-                    "the model's dead time of {:.2} ms is less than half a step of {:.2} ms: leave it out, or say how long a step is with \
-                     --step-rate",
+                    "the model's dead time of {:.2} ms is less than half a step of {:.2} ms: leave it out, or state the steps per second with `--step-rate`",
                     1e3 * delay_s,
                     1e3 * self.step_s
                 ),
@@ -228,19 +246,24 @@ impl<'a> KnownMotor<'a> {
             (None, Some(map)) => (map, true),
             (None, None) => {
                 return Err(String::from(
-                    "neither thrust nor rotor speed is known at steady levels: identify a staircase, or give its folder with the option records",
+                    "neither thrust nor rotor speed is known at steady levels: identify a staircase, or give its folder with `--records`",
                 ));
             }
         };
-        maps::check_top(map, self.range)?;
-        maps::check_bottom(map, low)?;
-        let levels: Vec<(f64, f64)> = maps::between(map, self.range)
-            .map(|(command, response)| (command, if is_speed { response * response } else { response }))
-            .collect();
+        let square = |(command, rpm): (f64, f64)| (command, rpm * rpm);
+        let levels: Vec<(f64, f64)> =
+            maps::with_standstill(map).map(|level| if is_speed { square(level) } else { level }).collect();
         let found = fit::fit(law, &levels, self.range)?;
         let mut notes = vec![format!(
-            "holds for motor outputs from {low} to {high} of the command, which the option output-range changes"
+            "holds for motor outputs from {low} to {high} of the command, which `--output-range` changes"
         )];
+        if !found.interpolated.is_empty() {
+            let commands: Vec<String> = found.interpolated.iter().map(f64::to_string).collect();
+            notes.push(format!(
+                "the thrust at {} is interpolated by a cubic through the four levels around it; the interval holds its error",
+                commands.join(" and at ")
+            ));
+        }
         if !found.parameter.excludes(0.0) {
             notes.push(String::from(
                 "0, which is no linearization, is in the interval: the measurement does not ask for one",

@@ -5,9 +5,7 @@ use rotorlead_records::{Experiment, Output};
 
 use rotorlead_identify::static_map::{SteadyPoints, SteadySource, fit_static_map};
 
-/// A level this close to an end of the motor output is that end: 5 us of a pulse's 1000. Chosen: a thrust that goes with the square of the
-/// command differs by 1 % there; less refuses maps for a rounded command, more takes another thrust for the full one.
-const END: f64 = 0.005;
+use super::levels::END;
 
 /// Steady responses where they are known.
 #[derive(Debug, Default)]
@@ -54,28 +52,12 @@ pub(super) fn between(map: &StaticMap, (low, high): (f64, f64)) -> impl Iterator
     levels.filter(move |(command, _)| (low - END..=high + END).contains(command))
 }
 
-/// Refuses a map without a level at the highest motor output, to which a stack refers thrust and speed.
-pub(super) fn check_top(map: &StaticMap, (low, high): (f64, f64)) -> Result<(), String> {
-    let (highest, _) = between(map, (low, high)).last().unwrap_or((0.0, 0.0));
-    if highest < high - END {
-        return Err(format!(
-            "the stack's highest motor output is a command of {high}, and the highest level measured up to there is {highest:.3}: \
-             measure that one, or limit the stack's output and say so with the option output-range"
-        ));
-    }
-    Ok(())
-}
-
-/// Refuses a map that begins above a lowest motor output which is not standstill: the stack counts thrust from there.
-pub(super) fn check_bottom(map: &StaticMap, bottom: f64) -> Result<(), String> {
-    let lowest = map.command.first().copied().unwrap_or(1.0);
-    if bottom > 0.0 && lowest > bottom + END {
-        return Err(format!(
-            "the lowest command measured is {lowest:.3}, and the stack's lowest motor output is {bottom}: measure down to it, or \
-             say with the option output-range what the stack's is"
-        ));
-    }
-    Ok(())
+/// All levels of a map, with that of standstill in front where the motor was seen at rest below them.
+pub(super) fn with_standstill(map: &StaticMap) -> impl Iterator<Item = (f64, f64)> + '_ {
+    let was_at_rest = map.polynomial.as_ref().is_some_and(|polynomial| polynomial.dead_zone.is_some());
+    let starts_at_zero = map.command.first().is_none_or(|command| *command <= 0.0);
+    let standstill = (was_at_rest && !starts_at_zero).then_some((0.0, 0.0));
+    standstill.into_iter().chain(map.command.iter().copied().zip(map.response.iter().copied()))
 }
 
 /// Scatter of the levels around the map's polynomial with its degrees of freedom; `None` without as many levels.

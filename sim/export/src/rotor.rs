@@ -7,7 +7,8 @@ use rotorlead_plant::effect::slew_limit;
 use rotorlead_plant::{Model, StaticMap};
 
 use super::lag::ConfidenceInterval;
-use super::maps::{Maps, between, check_top, scatter};
+use super::levels::Level;
+use super::maps::{Maps, between, scatter, with_standstill};
 use rotorlead_identify::estimate::Estimate;
 
 /// Rotor speed of one revolution per minute, rad/s.
@@ -28,31 +29,31 @@ pub(super) struct MotorConstant {
 }
 
 /// The rotor speed at the highest motor output, rad/s, and the command of its level.
-pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
+pub(super) fn top_speed_rad_s(maps: &Maps, (_, top): (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
     let map = maps.rpm.as_ref().ok_or(
-        "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it beside the thrust with the option records",
+        "no rotor speed is known at full command: identify records of `rpm` that hold levels, or give records that have it with the thrust with `--records`",
     )?;
-    let (rpm, command) = highest(map, range, "rpm")?;
+    let (rpm, command) = highest(map, top, "rpm")?;
     Ok((rpm.times(RPM), command))
 }
 
 /// The thrust at the highest motor output, N, and the command of its level.
-pub(super) fn top_thrust_n(maps: &Maps, range: (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
+pub(super) fn top_thrust_n(maps: &Maps, (_, top): (f64, f64)) -> Result<(ConfidenceInterval, f64), String> {
     let map = maps.thrust_n.as_ref().ok_or(
-        "no thrust is known at full command: identify records of `thrust_n` that hold levels, or give records that have it beside the speed with --records",
+        "no thrust is known at full command: identify records of `thrust_n` that hold levels, or give records that have it with the speed with `--records`",
     )?;
-    highest(map, range, "N")
+    highest(map, top, "N")
 }
 
 /// The response at the highest motor output, and the command of its level. Its interval is of the scatter of the levels around their
-/// polynomial.
-fn highest(map: &StaticMap, range: (f64, f64), unit: &str) -> Result<(ConfidenceInterval, f64), String> {
-    check_top(map, range)?;
-    let (command, response) = between(map, range).last().ok_or("no level is in the motor's output range")?;
+/// polynomial, and of the interpolation where it is between two levels.
+fn highest(map: &StaticMap, top: f64, unit: &str) -> Result<(ConfidenceInterval, f64), String> {
+    let levels: Vec<(f64, f64)> = with_standstill(map).collect();
+    let Level { command, response, error, .. } = Level::at_top(&levels, top)?;
     if response <= 0.0 {
         return Err(format!("the response at a command of {command} is {response} {unit}: check its column"));
     }
-    let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std);
+    let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std.hypot(error));
     let end = |sign: f64| reach.map(|reach| response + sign * reach);
     Ok((ConfidenceInterval { value: response, low: end(-1.0), high: end(1.0) }, command))
 }
@@ -63,7 +64,7 @@ pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<C
         "the model has no slew limit: `rotorlead diagnose` looks for one; the simulator's 100000, which it has unless it is set, limits nothing",
     )?;
     let map = maps.rpm.as_ref().ok_or(
-        "the model's slew limit is of the command, and no rotor speed is known at steady levels: give records that have rpm with --records",
+        "the model's slew limit is of the command, and no rotor speed is known at steady levels: give records that have rpm with `--records`",
     )?;
     let levels: Vec<(f64, f64)> = between(map, (0.0, 1.0)).collect();
     let around = levels.iter().zip(levels.iter().skip(1)).find(|(low, high)| (low.0..=high.0).contains(&at));
@@ -83,8 +84,8 @@ pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<C
 /// Least squares through zero over the levels that have both responses.
 pub(super) fn motor_constant(maps: &Maps) -> Result<MotorConstant, String> {
     let (thrust, rpm) = maps.thrust_n_and_rpm.as_ref().ok_or(
-        "thrust and rotor speed are not known on the same levels: give an experiment whose records have thrust_n and rpm with the \
-         option records",
+        "thrust and rotor speed are not known on the same levels: give an experiment whose records have thrust_n and rpm with \
+         `--records`",
     )?;
     let both: Vec<(f64, f64, f64)> = between(thrust, (0.0, 1.0))
         .filter_map(|(command, thrust)| {

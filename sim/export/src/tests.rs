@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_plant::{Lag as PointLag, Lagged, Point, Provenance, StaticMap, TimeConstantBand};
+use rotorlead_plant::{Lag as PointLag, Lagged, MapPolynomial, Point, Provenance, StaticMap, TimeConstantBand};
 use rotorlead_records::{Excitation, Output};
 
 use super::*;
@@ -95,7 +95,11 @@ fn a_motor_that_obeys_a_stacks_law_has_its_parameter_exactly() {
     let output_range = Some((0.05, 1.0));
     let boost = |u: f64| ThrustLaw::Boost.thrust((u - 0.05) / 0.95, 0.4).unwrap();
     let betaflight = thrust_model(|u| 0.5 + 9.0 * boost(u));
-    near(only(Stack::Betaflight, &betaflight, StackOptions { output_range, ..StackOptions::default() }).value, 40.0);
+    let options = StackOptions { output_range, ..StackOptions::default() };
+    near(stack_parameters(Stack::Betaflight, &betaflight, None, options).parameters[0].value, 40.0);
+    let series = |u: f64| ThrustLaw::InverseSeries.thrust((u - 0.05) / 0.95, 0.4).unwrap();
+    let betaflight = thrust_model(|u| 0.5 + 9.0 * series(u));
+    near(stack_parameters(Stack::Betaflight, &betaflight, None, options).parameters[1].value, 40.0);
 }
 
 #[test]
@@ -137,12 +141,19 @@ fn the_example_of_ardupilots_own_page_comes_out() {
 fn intervals_cover_as_often_as_they_say() {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let runs = 1000;
-    for (law, truth, range) in [(ThrustLaw::Quadratic, 0.5, (0.0, 1.0)), (ThrustLaw::Boost, 0.6, (0.05, 1.0))] {
+    // The last ones have an end or both between two levels.
+    for (law, truth, range, steps) in [
+        (ThrustLaw::Quadratic, 0.5, (0.0, 1.0), 20),
+        (ThrustLaw::Boost, 0.6, (0.05, 1.0), 20),
+        (ThrustLaw::InverseSeries, 0.6, (0.05, 1.0), 20),
+        (ThrustLaw::Quadratic, 0.5, RANGE, 10),
+        (ThrustLaw::Quadratic, 0.5, (0.0, 0.95), 10),
+    ] {
         let mut covered = 0;
         for _ in 0..runs {
-            let levels: Vec<(f64, f64)> = (1..=20)
+            let levels: Vec<(f64, f64)> = (1..=steps)
                 .map(|level| {
-                    let command = f64::from(level) / 20.0;
+                    let command = f64::from(level) / f64::from(steps);
                     let noise: f64 = StandardNormal.sample(&mut rng);
                     let r = (command - range.0) / (range.1 - range.0);
                     (command, 10.0 * law.thrust(r, truth).unwrap() + 0.1 * noise)
@@ -185,6 +196,11 @@ fn what_a_stack_does_not_take_is_refused_with_the_value() {
     let strong = thrust_model(|u| ThrustLaw::Boost.thrust(u, 1.8).unwrap());
     let found = stack_parameters(Stack::Betaflight, &strong, None, options);
     assert!(found.refused[0].why.contains("180.0000") && found.refused[0].why.contains("0 to 150"), "{found:?}");
+    assert_eq!(found.refused[0].releases, Some("4.2 to 2025.12"));
+    let strong = thrust_model(|u| ThrustLaw::InverseSeries.thrust(u, 1.2).unwrap());
+    let found = stack_parameters(Stack::Betaflight, &strong, None, options);
+    let refused = found.refused.iter().find(|refusal| refusal.releases == Some("2026.6 on")).unwrap();
+    assert!(refused.why.contains("120.0000") && refused.why.contains("0 to 100"), "{found:?}");
 }
 
 #[test]
@@ -307,4 +323,91 @@ fn indiflight_takes_whole_numbers() {
     let nonlinearity = of("indi_act_nonlinearity");
     assert_eq!(nonlinearity.value, 46.0);
     assert!(nonlinearity.notes.iter().any(|note| note.contains("rounded from")), "{:?}", nonlinearity.notes);
+}
+
+/// The thrust of a law without an end, for what a map has beyond the output range.
+fn endless(law: ThrustLaw, r: f64, p: f64) -> f64 {
+    let output = |y: f64| match law {
+        ThrustLaw::Quadratic => unreachable!(),
+        ThrustLaw::Boost => y * (1.0 + p * (1.0 - y) * (1.0 - y)),
+        ThrustLaw::InverseSeries => y * (1.0 + p * (1.0 - y) * (1.0 + p * (1.0 - 2.0 * y))),
+    };
+    if law == ThrustLaw::Quadratic {
+        return p * r * r + (1.0 - p) * r;
+    }
+    let (mut low, mut high) = (-1.0, 2.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if output(middle) < r { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// A table in steps of a tenth, from standstill on: no stack's output range but 0 to 1 starts and ends at its levels.
+#[test]
+fn a_table_in_steps_of_a_tenth_has_the_parameter_of_any_stack_within_its_interval() {
+    for (law, stack, range, place) in [
+        (ThrustLaw::Quadratic, Stack::Px4, (0.0, 1.0), 0),
+        (ThrustLaw::Quadratic, Stack::Px4, (0.0, 0.97), 0),
+        (ThrustLaw::Quadratic, Stack::Ardupilot, RANGE, 0),
+        (ThrustLaw::Boost, Stack::Betaflight, (0.055, 1.0), 0),
+        (ThrustLaw::Boost, Stack::Betaflight, (0.055, 0.95), 0),
+        (ThrustLaw::InverseSeries, Stack::Betaflight, (0.055, 1.0), 1),
+        (ThrustLaw::InverseSeries, Stack::Betaflight, (0.055, 0.95), 1),
+    ] {
+        for tenth in 1..=9 {
+            let truth = f64::from(tenth) / 10.0;
+            let share = |u: f64| endless(law, (u - range.0) / (range.1 - range.0), truth);
+            let command: Vec<f64> = (1..=10).map(|level| f64::from(level) / 10.0).collect();
+            let map = StaticMap {
+                response: command.iter().map(|u| 12.0 * (share(*u) - share(0.0))).collect(),
+                command,
+                lagged: Lagged::Response,
+                polynomial: Some(MapPolynomial { range: [0.1, 1.0], dead_zone: Some(0.1), ..MapPolynomial::default() }),
+            };
+            let options = StackOptions { output_range: Some(range), at: None };
+            let found = stack_parameters(stack, &model(Output::ThrustN, Some(map)), None, options);
+            let parameter = found.parameters.iter().find(|p| p.definition == &stack.definitions()[place]);
+            let parameter = parameter.unwrap_or_else(|| panic!("{law:?} {truth} {found:?}"));
+            let truth = truth * parameter.definition.scale;
+            let (low, high) = (parameter.low.unwrap(), parameter.high.unwrap());
+            let rounding = 1e-6 * truth;
+            assert!((low - rounding..=high + rounding).contains(&truth), "{law:?} {range:?} {truth}: {parameter:?}");
+            assert!(high - low < 0.1 * parameter.definition.scale, "{law:?} {range:?} {truth}: {low} to {high}");
+        }
+    }
+}
+
+#[test]
+fn a_table_that_ends_within_a_stacks_range_is_refused_with_the_remedy() {
+    let tenths = |from: i32, to: i32, dead_zone| {
+        let command: Vec<f64> = (from..=to).map(|level| f64::from(level) / 10.0).collect();
+        let response = command.iter().map(|u| 12.0 * u * u).collect();
+        let polynomial = Some(MapPolynomial { range: [0.1, 1.0], dead_zone, ..MapPolynomial::default() });
+        model(Output::ThrustN, Some(StaticMap { command, response, lagged: Lagged::Response, polynomial }))
+    };
+    refuses(
+        Stack::Ardupilot,
+        &tenths(1, 9, Some(0.1)),
+        "MOT_THST_EXPO",
+        &["command of 0.95", "0.900", "`--output-range`"],
+    );
+    refuses(
+        Stack::Betaflight,
+        &tenths(1, 9, Some(0.1)),
+        "thrust_linear",
+        &["command of 1", "0.900", "`--output-range`"],
+    );
+    // Nobody saw it at rest.
+    refuses(Stack::Betaflight, &tenths(1, 10, None), "thrust_linear", &["0.100", "0.055", "`--output-range`"]);
+    refuses(Stack::Ardupilot, &tenths(2, 10, None), "MOT_THST_EXPO", &["0.200", "0.15", "`--output-range`"]);
+}
+
+#[test]
+fn a_highest_speed_between_two_levels_is_interpolated() {
+    let options = StackOptions { output_range: Some((0.0, 0.93)), at: None };
+    let found = stack_parameters(Stack::Gazebo, &model(Output::Rpm, Some(map(|u| 20_000.0 * u))), None, options);
+    let top = found.parameters.iter().find(|parameter| parameter.definition.name == "maxRotVelocity").unwrap();
+    near(top.value, 0.93 * 20_000.0 * TAU / 60.0);
+    assert_eq!(top.at, Some(0.93));
 }

@@ -348,3 +348,39 @@ fn numeric(kind: u32, data: &[u8], order: Order) -> Option<Vec<f64>> {
         _ => return None,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::{MatVariable, mat5};
+
+    #[test]
+    fn what_is_written_is_read() {
+        let real = |name, dimensions: &[usize], real: &[f64]| MatVariable {
+            name,
+            dimensions: dimensions.to_vec(),
+            real: real.to_vec(),
+            imaginary: None,
+        };
+        let frequency = real("frequency", &[3, 1], &[0.5, -1e-300, f64::MAX]);
+        let cube = real("covariance", &[1, 1, 2, 2], &[1.0, 2.0, 3.0, 4.0]);
+        let response = MatVariable { imaginary: Some(vec![7.0, 8.0]), ..real("response", &[2, 1], &[5.0, 6.0]) };
+        let bytes = mat5(&[frequency.clone(), response.clone(), cube.clone()]);
+        assert_eq!(header(&bytes), Some(Header::Level5));
+        let read = read(&bytes).unwrap();
+        for (variable, written) in read.iter().zip([&frequency, &response, &cube]) {
+            assert_eq!((&*variable.name, &variable.dimensions), (written.name, &written.dimensions));
+            let content = match written.imaginary {
+                Some(_) => Content::Complex,
+                None => Content::Real(written.real.clone()),
+            };
+            assert_eq!(variable.content, content);
+        }
+        assert_eq!(read.len(), 3);
+        // Real parts, then imaginary ones, each behind the tag of its doubles.
+        let parts = [5.0_f64, 6.0, 7.0, 8.0].map(f64::to_le_bytes);
+        let tag = [9, 0, 0, 0, 16, 0, 0, 0];
+        let expected = [&tag, &parts[0], &parts[1], &tag, &parts[2], &parts[3]].map(|part| &part[..]).concat();
+        assert!(bytes.windows(expected.len()).any(|window| window == expected));
+    }
+}

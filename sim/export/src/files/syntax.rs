@@ -1,7 +1,7 @@
 //! How stacks write parameters down.
 
-use rotorlead_export::{Parameter, Stack};
-
+use super::super::Parameter;
+use super::Stack;
 use super::text::digits;
 
 /// The syntax of a stack.
@@ -38,13 +38,8 @@ impl Syntax {
         let [begin, next, end] = self.comment;
         // A comment of XML holds no double hyphen.
         let plain = |words: &String| if self.comment == XML { words.replace("--", "option ") } else { words.clone() };
-        let lines: Vec<String> = paragraphs
-            .iter()
-            .flat_map(|words| {
-                let words = plain(words);
-                textwrap::wrap(&words, WIDTH).into_iter().map(|line| line.into_owned()).collect::<Vec<_>>()
-            })
-            .collect();
+        let paragraphs: Vec<String> = paragraphs.iter().map(plain).collect();
+        let lines: Vec<_> = paragraphs.iter().flat_map(|words| textwrap::wrap(words, WIDTH)).collect();
         format!("{begin}{}{end}\n", lines.join(&format!("\n{next}")))
     }
 

@@ -1,10 +1,10 @@
-//! What `rotorlead export` prints for a stack.
+//! What a stack's file says.
 
 use std::fmt::Write as _;
 
-use rotorlead_export::{Parameter, Replay, StackParameters};
-
+use super::super::Parameter;
 use super::syntax::Syntax;
+use super::{Replay, StackParameters};
 
 /// The parameters in the stack's syntax, below comments in its syntax.
 pub(super) fn parameters_text(found: &StackParameters, syntax: &Syntax, motors: u8) -> String {
@@ -13,7 +13,7 @@ pub(super) fn parameters_text(found: &StackParameters, syntax: &Syntax, motors: 
     let unknown = found
         .refused
         .iter()
-        .map(|refusal| syntax.comment(&[format!("{} is not known: {}", refusal.name, refusal.why)]));
+        .map(|refusal| syntax.comment(&[format!("{} is not known: {}", refusal.full_name(), refusal.why)]));
     known.into_iter().chain(unknown).collect::<Vec<_>>().join("\n")
 }
 
@@ -50,7 +50,7 @@ pub(super) fn about_replay(replay: &Replay, held_out: bool) -> Vec<String> {
 /// The comment above a parameter.
 fn about(parameter: &Parameter) -> Vec<String> {
     let unit = if parameter.definition.unit == "1" { String::new() } else { format!(" {}", parameter.definition.unit) };
-    let mut of = format!("{} = {}{unit}", parameter.definition.name, digits(parameter.value));
+    let mut of = format!("{} = {}{unit}", parameter.definition.full_name(), digits(parameter.value));
     match (parameter.low, parameter.high) {
         (Some(low), Some(high)) => write!(of, ", 95 % interval {} to {}", digits(low), digits(high)),
         _ => write!(of, ", whose interval is not in the model"),
