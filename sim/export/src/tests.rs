@@ -365,7 +365,7 @@ fn a_table_in_steps_of_a_tenth_has_the_parameter_of_any_stack_within_its_interva
                 lagged: Lagged::Response,
                 polynomial: Some(MapPolynomial { range: [0.1, 1.0], dead_zone: Some(0.1), ..MapPolynomial::default() }),
             };
-            let options = StackOptions { output_range: Some(range), at: None };
+            let options = StackOptions { output_range: Some(range), ..StackOptions::default() };
             let found = stack_parameters(stack, &model(Output::ThrustN, Some(map)), None, options);
             let parameter = found.parameters.iter().find(|p| p.definition == &stack.definitions()[place]);
             let parameter = parameter.unwrap_or_else(|| panic!("{law:?} {truth} {found:?}"));
@@ -405,7 +405,7 @@ fn a_table_that_ends_within_a_stacks_range_is_refused_with_the_remedy() {
 
 #[test]
 fn a_highest_speed_between_two_levels_is_interpolated() {
-    let options = StackOptions { output_range: Some((0.0, 0.93)), at: None };
+    let options = StackOptions { output_range: Some((0.0, 0.93)), ..StackOptions::default() };
     let found = stack_parameters(Stack::Gazebo, &model(Output::Rpm, Some(map(|u| 20_000.0 * u))), None, options);
     let top = found.parameters.iter().find(|parameter| parameter.definition.name == "maxRotVelocity").unwrap();
     near(top.value, 0.93 * 20_000.0 * TAU / 60.0);

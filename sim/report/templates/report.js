@@ -98,6 +98,94 @@
     return apart(range, plot.layout[name].range) || (second && apart(second, plot.layout[`${name}2`].range));
   };
 
+  // A number as a screen shows it.
+  const read = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(4))) : "-");
+  // A curve at a place between its points, along a logarithmic axis by the logarithm; nothing beyond its ends.
+  const valueAt = ({ x, y }, at, scale) => {
+    const after = x.findIndex((place) => place >= at);
+    if (after < 0 || (after === 0 && x[0] > at)) return NaN;
+    if (x[after] === at || after === 0) return y[after] ?? NaN;
+    const [low, high] = [y[after - 1], y[after]];
+    if (low === null || high === null) return NaN;
+    const part = (scale(at) - scale(x[after - 1])) / (scale(x[after]) - scale(x[after - 1]));
+    return low + part * (high - low);
+  };
+  const element = (name, properties, ...children) => {
+    const made = Object.assign(document.createElement(name), properties);
+    made.append(...children);
+    return made;
+  };
+  // Two upright lines across the plots of a figure, and a table of what its curves are there. Says how to draw both anew.
+  const cursors = (figure, plots) => {
+    const button = figure.querySelector("button.cursors");
+    const { type, title, range } = plots[0].layout.xaxis;
+    const curves = plots.flatMap((plot) => plot.data
+      .filter((trace) => trace.mode && trace.fill !== "toself" && trace.x.length > 2 && !trace.xaxis && !trace.yaxis)
+      .map((trace) => ({ trace, what: plot.layout.yaxis.title.text.replaceAll("<br>", " ") })));
+    const rises = curves.every(({ trace: { x } }) => x.every((place, index) => index === 0 || place >= x[index - 1]));
+    if (!curves.length || !rises || plots.some((plot) => plot.dataset.x !== plots[0].dataset.x)) {
+      button.remove();
+      return () => {};
+    }
+    const isLog = type === "log";
+    const [scale, place] = isLog ? [Math.log10, (part) => 10 ** part] : [(value) => value, (value) => value];
+    const second = plots[0].layout.xaxis2;
+    const factor = second && isLog ? 10 ** (second.range[0] - range[0]) : 1;
+    const what = title.text.replaceAll("<br>", " ");
+    const unit = what.split(", ").pop();
+    const ends = range.slice();
+    const places = () => sliders.map((slider) => place(ends[0] + (slider.value / 1000) * (ends[1] - ends[0])));
+    const rows = element("tbody");
+    const headings = ["curve", "at A", "at B", "B - A"];
+    const row = (kind, ...texts) => element("tr", {}, ...texts.map((text, column) => {
+      const cell = element(kind, { textContent: text, className: column ? "number" : "" });
+      cell.dataset.heading = headings[column];
+      return cell;
+    }));
+    const table = element("table", {}, element("thead", {}, row("th", ...headings)), rows);
+    const draw = () => {
+      const isOn = button.getAttribute("aria-pressed") === "true";
+      panel.hidden = !isOn;
+      const at = isOn ? places() : [];
+      const shapes = at.map((x, index) => ({
+        type: "line", xref: "x", yref: "paper", x0: x, x1: x, y0: 0, y1: 1,
+        line: { color: "#808080", width: 1.5, dash: index ? "dot" : "solid" },
+        label: { text: "AB"[index], textposition: "end", textangle: 0, xanchor: "left", yanchor: "top" },
+      }));
+      for (const plot of plots) Plotly.relayout(plot, { shapes });
+      if (!isOn) return;
+      const [a, b] = at;
+      sliders.forEach((slider, index) => slider.setAttribute("aria-valuetext", `${read(at[index])} ${unit}`));
+      const between = isLog ? `${read(b - a)} (${read(b / a)} times)` : read(b - a);
+      const beside = factor === 1 ? [] : [row("td", second.title.text.replaceAll("<br>", " "), read(a * factor), read(b * factor), read((b - a) * factor))];
+      const shown = curves.filter(({ trace }) => trace.visible !== false).map(({ trace, what: y }) => {
+        const [from, to] = at.map((x) => valueAt(trace, x, scale));
+        return row("td", `${trace.name}: ${y}`, read(from), read(to), read(to - from));
+      });
+      rows.replaceChildren(row("td", what, read(a), read(b), between), ...beside, ...shown);
+      listed();
+    };
+    const sliders = [350, 650].map((value, index) => {
+      const slider = element("input", { type: "range", min: 0, max: 1000, step: 1, ariaLabel: `Cursor ${"AB"[index]}` });
+      slider.value = value;
+      let waits = false;
+      slider.addEventListener("input", () => {
+        if (waits) return;
+        waits = true;
+        requestAnimationFrame(() => { waits = false; draw(); });
+      });
+      return slider;
+    });
+    const labeled = sliders.map((slider, index) => element("label", {}, `Cursor ${"AB"[index]} `, slider));
+    const panel = element("div", { className: "cursors", hidden: true }, ...labeled, element("div", { className: "table" }, table));
+    plots[plots.length - 1].after(panel);
+    button.addEventListener("click", () => {
+      button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+      draw();
+    });
+    return () => { if (!panel.hidden) draw(); };
+  };
+
   // What is drawn, in the order of the page: JSON that is compressed. A browser that cannot read it shows the pictures.
   const specs = async () => {
     const packed = document.getElementById("plots");
@@ -144,6 +232,7 @@
         })).finally(() => { busy = false; });
       });
     }
+    const redraw = cursors(figure, plots);
     for (const button of figure.querySelectorAll("button.series")) {
       button.addEventListener("click", () => {
         const shown = button.getAttribute("aria-pressed") !== "true";
@@ -152,6 +241,7 @@
           const traces = plot.data.flatMap((trace, index) => (trace.legendgroup === button.dataset.series ? [index] : []));
           if (traces.length) Plotly.restyle(plot, { visible: shown }, traces);
         }
+        redraw();
       });
     }
     figure.querySelector("button.reset").addEventListener("click", () => {

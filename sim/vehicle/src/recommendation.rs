@@ -351,6 +351,7 @@ impl MotorInVehicle<'_> {
                     disturbance_peak_deg: peak_deg(&axis.disturbed(GUST_S)),
                     settling_s: None,
                     disturbed: Vec::new(),
+                    open: None,
                 }
             });
             each.reduce(Performance::worse)

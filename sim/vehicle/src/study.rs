@@ -10,6 +10,7 @@ use crate::VehicleError;
 use crate::airframe::Airframe;
 use crate::lateral::{Allocation, ForcePerformance, force_n, performance};
 use crate::motor_control::{MotorControl, MotorControlKind, MotorControlResult, designed};
+use crate::open_loop::LoopCurve;
 use crate::response::{Margins, PointResponse};
 use crate::roll::{RollAxis, peak_deg};
 use crate::rotor::Rotor;
@@ -82,6 +83,9 @@ pub struct Performance {
     /// Time in seconds and angle in degrees after the step of the disturbance torque, for figures, where the angle is largest.
     #[serde(skip)]
     pub disturbed: Vec<(f64, f64)>,
+    /// The open rate loop where its phase margin is least, for figures.
+    #[serde(skip)]
+    pub open: Option<LoopCurve>,
 }
 
 /// What becomes of gains at a latency that they were not tuned for.
@@ -222,6 +226,7 @@ impl StudyCase<'_> {
                 Performance {
                     gains,
                     margins: point.margins(gains.rate()),
+                    open: Some(point.open(gains.rate())),
                     disturbance_peak_deg: peak_deg(&motion),
                     settling_s: axis.settling_s(),
                     disturbed: drawn(&motion.angle_rad, DRAWN_S, 1_f64.to_degrees()),
@@ -239,6 +244,7 @@ impl Performance {
     /// The worse of each.
     pub(crate) fn worse(self, other: Self) -> Self {
         let (a, b) = (self.margins, other.margins);
+        let open = if b.phase_margin_deg < a.phase_margin_deg { other.open } else { self.open };
         Self {
             gains: self.gains,
             margins: Margins {
@@ -247,6 +253,7 @@ impl Performance {
                 actuator_noise: a.actuator_noise.max(b.actuator_noise),
                 bandwidth_rad_s: a.bandwidth_rad_s.min(b.bandwidth_rad_s),
             },
+            open,
             settling_s: self.settling_s.zip(other.settling_s).map(|(a, b)| a.max(b)),
             disturbed: if other.disturbance_peak_deg > self.disturbance_peak_deg {
                 other.disturbed

@@ -168,8 +168,14 @@ mod tests {
     fn row(actuator: MotorControlKind, bandwidth_rad_s: f64, disturbance_peak_deg: f64) -> Row {
         let gains = Gains { rate_p_1_s: 1.0, integral_time_s: 1.0, derivative_time_s: 0.0, attitude_p_1_s: 1.0 };
         let margins = Margins { max_sensitivity: 1.6, phase_margin_deg: 50.0, actuator_noise: 0.01, bandwidth_rad_s };
-        let performance =
-            Performance { gains, margins, disturbance_peak_deg, settling_s: Some(0.1), disturbed: Vec::new() };
+        let performance = Performance {
+            gains,
+            margins,
+            disturbance_peak_deg,
+            settling_s: Some(0.1),
+            disturbed: Vec::new(),
+            open: None,
+        };
         Row { actuator, performance: Some(performance) }
     }
 

@@ -165,6 +165,60 @@ const zoomFaults = async (index) => {
   return found;
 };
 
+// Sets both cursors of a figure, and lists what its table says otherwise than the curves; a figure whose curves have no common axis of
+// numbers has none.
+const cursorFaults = async (index) => {
+  const found = [];
+  const figure = figureAt(index);
+  const button = figure.querySelector("button.cursors");
+  const plots = [...figure.querySelectorAll(".plot")];
+  const isBode = plots.length === 2 && plots.every((plot) => plot.dataset.x === "frequency, rad/s");
+  if (!button) return isBode ? [`${figure.id}: no cursors`] : [];
+  button.click();
+  const [a, b] = figure.querySelectorAll(".cursors input");
+  for (const [slider, value] of [[a, 400], [b, 600]]) {
+    slider.value = value;
+    slider.dispatchEvent(new Event("input"));
+  }
+  await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)));
+  const rows = [...figure.querySelectorAll(".cursors tbody tr")].map((row) => [...row.cells].map((cell) => cell.textContent));
+  const axis = plots[0].layout.xaxis;
+  const isLog = axis.type === "log";
+  const expected = [0.4, 0.6].map((part) => axis.range[0] + part * (axis.range[1] - axis.range[0])).map((at) => (isLog ? 10 ** at : at));
+  const isNear = (text, value) => Math.abs(Number(text) - value) <= 1e-3 * Math.max(Math.abs(value), 1e-6);
+  if (!isNear(rows[0][1], expected[0]) || !isNear(rows[0][2], expected[1])) found.push(`${figure.id}: cursors at ${rows[0]}, not ${expected}`);
+  for (const plot of plots) {
+    const lines = plot.querySelectorAll(".shapelayer path");
+    const size = plot._fullLayout._size.w;
+    const starts = [...lines].map((line) => line.getBBox().x - plot._fullLayout._size.l);
+    if (lines.length !== 2 || Math.abs(starts[0] / size - 0.4) > 0.01 || Math.abs(starts[1] / size - 0.6) > 0.01) {
+      found.push(`${figure.id}: lines at ${starts} of ${size} pixels`);
+    }
+  }
+  // A model's curve has a point every percent or two: its nearest point is nearly what is read there.
+  const readings = rows.filter(([name]) => name.includes(": "));
+  if (readings.length === 0) found.push(`${figure.id}: no curve is read`);
+  for (const plot of plots) {
+    for (const trace of plot.data.filter(({ x, fill, mode }) => mode === "lines" && fill !== "toself" && x.length > 100)) {
+      const row = readings.find(([name]) => name.startsWith(`${trace.name}: `) && name.includes(plot.layout.yaxis.title.text.split(",")[0]));
+      const after = trace.x.findIndex((x) => x >= expected[0]);
+      if (after < 1 || trace.y[after - 1] === null || trace.y[after] === null) continue;
+      const [low, high] = [trace.y[after - 1], trace.y[after]].sort((one, other) => one - other);
+      const slack = 1e-3 * Math.max(Math.abs(low), Math.abs(high), 1e-9);
+      if (!row || Number(row[1]) < low - slack || Number(row[1]) > high + slack) {
+        found.push(`${figure.id}: ${trace.name} is ${row && row[1]} at A, between ${low} and ${high}`);
+      }
+      if (row && row[2] !== "-" && row[1] !== "-" && Math.abs(row[3] - (row[2] - row[1])) > 1e-3 * (Math.abs(row[1]) + Math.abs(row[2]))) {
+        found.push(`${figure.id}: ${row[3]} is not the difference of ${row[2]} and ${row[1]}`);
+      }
+    }
+  }
+  found.push(...pageFaults());
+  button.click();
+  if (isShown(figure.querySelector(".cursors input")) || figure.querySelector(".shapelayer path")) found.push(`${figure.id}: cursors stay`);
+  return found;
+};
+
 // What a page that is to be printed must be like, as it is laid out for a sheet so many pixels wide.
 const printFaults = (width) => {
   const found = [];

@@ -103,7 +103,7 @@ fn says_one_of(said: &str, values: &[Option<f64>]) -> bool {
     is_any || values.iter().flatten().any(|value| numbers.iter().any(|number| is_near(*number, *value)))
 }
 
-/// Series of a figure can be switched off and on, values read where the mouse is, and axes zoomed and reset.
+/// Series of a figure can be switched off and on, values read where the mouse is and at cursors, and axes zoomed and reset.
 fn can_be_used(page: &OpenPage, index: usize, place: &str) {
     let toggled: Vec<String> = page.evaluate(&format!("toggleFaults({index})"));
     assert!(toggled.is_empty(), "{place}:\n{}", toggled.join("\n"));
@@ -121,6 +121,8 @@ fn can_be_used(page: &OpenPage, index: usize, place: &str) {
     assert!(is_read, "{place}: {}: hovering says \"{said}\", where there is {:?}", spot.name, spot.values);
     let zoomed: Vec<String> = page.evaluate(&format!("zoomFaults({index})"));
     assert!(zoomed.is_empty(), "{place}:\n{}", zoomed.join("\n"));
+    let cursors: Vec<String> = page.evaluate(&format!("cursorFaults({index})"));
+    assert!(cursors.is_empty(), "{place}:\n{}", cursors.join("\n"));
 }
 
 /// Paper is dark and words are light, also those in figures.

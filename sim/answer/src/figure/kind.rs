@@ -54,6 +54,8 @@ pub enum FigureKind {
     Residual,
     /// Rate-loop bandwidths of a vehicle with different actuators.
     VehicleBandwidth,
+    /// The open rate loop of a vehicle with different actuators.
+    VehicleLoop,
     /// How far a torque turns a vehicle.
     VehicleDisturbance,
     /// A step of lateral force.
@@ -62,7 +64,7 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 27] = [
+    pub const ALL: [Self; 28] = [
         Self::FlightStep,
         Self::FlightResponse,
         Self::Record,
@@ -88,6 +90,7 @@ impl FigureKind {
         Self::Gap,
         Self::Residual,
         Self::VehicleBandwidth,
+        Self::VehicleLoop,
         Self::VehicleDisturbance,
         Self::VehicleForce,
     ];
@@ -121,6 +124,7 @@ impl FigureKind {
             Self::Gap => "gap",
             Self::Residual => "residual",
             Self::VehicleBandwidth => "vehicle_bandwidth",
+            Self::VehicleLoop => "vehicle_loop",
             Self::VehicleDisturbance => "vehicle_disturbance",
             Self::VehicleForce => "vehicle_force",
         }

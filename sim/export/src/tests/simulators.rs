@@ -6,6 +6,7 @@ use rotorlead_plant::Effect;
 use rotorlead_records::{Record, Role};
 
 use super::*;
+use crate::replay::ReplayRecords;
 
 /// Time constants of 30 ms up and 60 ms down, 20 000 rpm at full command.
 fn stepped() -> Model {

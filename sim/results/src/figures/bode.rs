@@ -143,18 +143,39 @@ fn decibels(magnitude: f64) -> f64 {
     20.0 * magnitude.log10()
 }
 
+/// A broken line across all frequencies.
+#[must_use]
+pub(super) fn level(name: &str, value: f64, curves: &[Curve]) -> Series {
+    let ends = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0).filter(|omega| *omega > 0.0);
+    let (low, high) = ends.fold((f64::INFINITY, 0.0_f64), |(low, high), omega| (low.min(omega), high.max(omega)));
+    Series::new(name, Color::Gray, Mark::Dashes, vec![(low, value), (high, value)])
+}
+
 /// Magnitude over phase. `unit` is that of the magnitude; a broken line is drawn at each of `levels`.
 #[must_use]
 pub fn bode(curves: &[Curve], unit: &str, levels: &[(&str, f64)]) -> Vec<Panel> {
-    let ends = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0).filter(|omega| *omega > 0.0);
-    let (low, high) = ends.fold((f64::INFINITY, 0.0_f64), |(low, high), omega| (low.min(omega), high.max(omega)));
-    let level = |(name, level): &(&str, f64)| {
-        Series::new(*name, Color::Gray, Mark::Dashes, vec![(low, *level), (high, *level)])
-    };
-    let magnitudes = curves.iter().map(Curve::magnitude).chain(levels.iter().map(level)).collect();
+    let levels = levels.iter().map(|(name, value)| level(name, *value, curves));
+    let magnitudes = curves.iter().map(Curve::magnitude).chain(levels).collect();
     let phases = curves.iter().map(Curve::phase).collect();
     let phase = Panel::new(Axis::frequency(), Axis::phase(), phases);
     vec![Panel::new(Axis::frequency(), Axis::linear("magnitude", unit), magnitudes), Panel { height: 290, ..phase }]
+}
+
+/// Marks a place of a curve that is drawn, on its magnitude and on its phase; `words` are read there, and say what it is. Beyond
+/// its ends there is no mark.
+pub(super) fn mark(panels: &mut [Panel], curve: &str, omega_rad_s: f64, shape: Mark, words: &str) {
+    for panel in panels {
+        let Some(drawn) = panel.series.iter().find(|series| series.name == curve) else { continue };
+        let Some(after) = drawn.points.iter().position(|point| point.0 >= omega_rad_s).filter(|after| *after > 0)
+        else {
+            continue;
+        };
+        let ((low, from), (high, to)) = (drawn.points[after - 1], drawn.points[after]);
+        let at = from + (to - from) * (omega_rad_s / low).ln() / (high / low).ln();
+        let name = format!("{curve}, {words}");
+        let marked = Series::new(name, drawn.color, shape, vec![(omega_rad_s, at)]).under(&drawn.group);
+        panel.series.push(marked.with_notes(vec![words.to_owned()]));
+    }
 }
 
 #[cfg(test)]
@@ -193,6 +214,19 @@ mod tests {
         let line = Curve::new("", Mark::Line, Color::Blue, points).phase();
         let climbed = line.points.iter().map(|(_, phase)| phase.abs()).fold(0.0, f64::max);
         assert!(climbed > highest, "line to line it goes to {climbed}, and by several to {highest}");
+    }
+
+    #[test]
+    fn a_mark_is_on_its_curve_in_both_panels() {
+        let lag = |omega: f64| 1.0 / Complex64::new(1.0, omega);
+        let curve = Curve::from_model("lag", Mark::Line, Color::Blue, (0.01, 100.0), lag);
+        let mut panels = bode(&[curve], "dB", &[]);
+        mark(&mut panels, "lag", 1.0, Mark::Discs, "corner");
+        mark(&mut panels, "lag", 200.0, Mark::Discs, "beyond");
+        for (panel, expected) in panels.iter().zip([-10.0 * 2_f64.log10(), -45.0]) {
+            let [_, marked] = &panel.series[..] else { panic!("{:?}", panel.series) };
+            assert!((marked.points[0].1 - expected).abs() < 0.05, "{marked:?}");
+        }
     }
 
     #[test]

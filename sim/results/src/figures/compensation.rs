@@ -3,13 +3,13 @@
 use num_complex::Complex64;
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use rotorlead_design::redesign::Compensated;
-use rotorlead_design::{BandwidthPoint, Chain};
+use rotorlead_design::{BandwidthPoint, Chain, bandwidths as bandwidths_of};
 use rotorlead_identify::frequency_response::bandwidth::{Bandwidth, MINUS_3_DB};
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
 use rotorlead_identify::lag::multisine::{NominalIdentification, RecordResponse};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
 
-use super::bode::{Curve, bode};
+use super::bode::{Curve, bode, mark};
 use crate::number::at_nominal;
 
 /// The lowest frequency of a model's curve, rad/s. Derived: that of the paper's excitation, 0.1 Hz, `2 pi 0.1`.
@@ -94,6 +94,16 @@ pub fn simulated(model: &Model, chain: Chain) -> Figure {
         ]
     });
     let mut panels = bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels());
+    for found in bandwidths_of(model, chain) {
+        for (with, bandwidth, shape) in
+            [("without", found.uncompensated, Mark::Rings), ("with", found.compensated, Mark::Discs)]
+        {
+            let curve = format!("{}, {with}", at_nominal(found.nominal));
+            if let Some(omega) = bandwidth.rad_s() {
+                mark(&mut panels, &curve, omega, shape, &format!("bandwidth {omega:.1} rad/s"));
+            }
+        }
+    }
     // A dead time turns without end, and nothing is controlled there.
     for phase in panels.iter_mut().skip(1).flat_map(|panel| &mut panel.series) {
         phase.points.retain(|(_, degrees)| *degrees > LOWEST_PHASE_DEG);
@@ -101,7 +111,8 @@ pub fn simulated(model: &Model, chain: Chain) -> Figure {
     Figure::new(
         FigureKind::SimulatedResponse,
         "Response of the model over its static gain: broken without, full with the compensator",
-        "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB. A curve that \
+        "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB: a ring without, \
+         a disc with the compensator, and the same on its phase. A curve that \
          runs along that line has a bandwidth that a tenth of a decibel moves far. The phase has the model's dead time in it, which no \
          compensator takes out.",
         panels,

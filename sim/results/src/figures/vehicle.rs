@@ -1,14 +1,20 @@
 //! Figures of a comparison of actuators in a vehicle.
 
 use rotorlead_answer::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
-use rotorlead_vehicle::{Airframe, MotorControlKind, Row, Study};
+use rotorlead_vehicle::{Airframe, AtLatency, LoopCurve, LoopMargin, MotorControlKind, Row, Study};
+
+use super::bode::{Curve, bode, level, mark};
 
 /// Height of a panel among several, pixels. Chosen: three quarters of a panel alone, 320, so that two are on a screen.
 const HEIGHT: u32 = 240;
+/// Lowest phase drawn, degrees. Chosen: as far under -180 as the axis' start, -90 or above, is over it; the gyro's filters turn on.
+const LOWEST_PHASE_DEG: f64 = -270.0;
 
 /// Bandwidths and disturbances at each latency, and lateral force where there is some.
 pub fn vehicle_figures(study: &Study, airframe: &Airframe) -> Vec<Figure> {
-    [bandwidths(study, airframe), disturbances(study, airframe)].into_iter().chain(force(study)).collect()
+    let loops = study.latencies.first().and_then(|at| rate_loops(at, airframe));
+    let latencies = [bandwidths(study, airframe)].into_iter().chain(loops).chain([disturbances(study, airframe)]);
+    latencies.chain(force(study)).collect()
 }
 
 /// The bare motor, the lead and an inverse have the colors that they have in every figure; others have those that are left.
@@ -34,7 +40,7 @@ fn over_range(airframe: &Airframe) -> String {
 }
 
 fn bandwidths(study: &Study, airframe: &Airframe) -> Figure {
-    let panel = |at: &rotorlead_vehicle::AtLatency| {
+    let panel = |at: &AtLatency| {
         let names = at.hover.iter().map(|row| row.actuator.name()).collect();
         let points = |rows: &[Row]| {
             let known = rows
@@ -56,6 +62,46 @@ fn bandwidths(study: &Study, airframe: &Airframe) -> Figure {
         "Every controller is tuned to the same margins. A ring left of its disc is what one gain set for all hover commands costs.",
         study.latencies.iter().map(panel).collect(),
     )
+}
+
+/// The open rate loops, with the places of their margins.
+fn rate_loops(at: &AtLatency, airframe: &Airframe) -> Option<Figure> {
+    let colors = actuator_colors(at.hover.iter().map(|row| row.actuator));
+    let loops: Vec<(String, Color, &LoopCurve)> = at
+        .hover
+        .iter()
+        .zip(colors)
+        .filter_map(|(row, color)| Some((row.actuator.name(), color, row.performance.as_ref()?.open.as_ref()?)))
+        .collect();
+    let curves: Vec<Curve> = loops
+        .iter()
+        .map(|(name, color, curve)| Curve::new(name.clone(), Mark::Line, *color, curve.response.clone()))
+        .collect();
+    let mut panels = bode(&curves, "dB", &[("0 dB", 0.0)]);
+    for (name, _, curve) in &loops {
+        if let Some(LoopMargin { omega_rad_s, value }) = curve.phase_margin_deg {
+            mark(&mut panels, name, omega_rad_s, Mark::Discs, &format!("phase margin {value:.1} degrees"));
+        }
+        if let Some(LoopMargin { omega_rad_s, value }) = curve.gain_margin_db {
+            mark(&mut panels, name, omega_rad_s, Mark::Rings, &format!("gain margin {value:.1} dB"));
+        }
+    }
+    let phase = &mut panels[1];
+    phase.series.push(level("-180 degrees", -180.0, &curves));
+    // Beyond the second turn nothing is controlled.
+    for series in &mut phase.series {
+        series.points.retain(|(_, degrees)| *degrees > LOWEST_PHASE_DEG);
+    }
+    let title = format!("Open rate loop with each actuator, {}, {}", latency(at.latency_s), at_hover(airframe));
+    (!loops.is_empty()).then(|| {
+        Figure::new(
+            FigureKind::VehicleLoop,
+            title,
+            "A disc is where the magnitude is 1: the phase there is above -180 degrees by the phase margin. A ring is where the phase \
+             passes -180 degrees: the magnitude there is under 1 by the gain margin.",
+            panels,
+        )
+    })
 }
 
 fn disturbances(study: &Study, airframe: &Airframe) -> Figure {
