@@ -8,7 +8,7 @@ use rotorlead_assess::fleet::{FleetMember, FleetParameter, LogFilePoint, compare
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FLEET_LIST, FleetList, FleetLog, Output};
-use rotorlead_results::{FleetRow, fleet_answer};
+use rotorlead_results::{EscRampValues, FleetRow, fleet_answer};
 use serde::Deserialize;
 
 use super::outcome::{JsonOption, Outcome};
@@ -103,13 +103,16 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
         Err(FileError::Missing { .. }) => notes.push(format!("not identified: no {MODEL}")),
         Err(error) => notes.push(format!("{MODEL} is no model: {error}")),
     }
-    notes.extend(diagnosis(&folder.join(DIAGNOSIS)));
+    let diagnosed = diagnosis(&folder.join(DIAGNOSIS));
+    let esc_ramp = diagnosed.as_ref().ok().and_then(|found| found.as_ref()?.esc_ramp);
+    notes.extend(diagnosed.map_or_else(Some, |found| found.and_then(|found| found.in_short())));
     Read {
         row: FleetRow {
             log: listed.folder.clone(),
             motor: listed.motor.clone(),
             date: listed.date.map_or_else(String::new, |date| date.to_string()),
             note: notes.join(", "),
+            esc_ramp,
         },
         log: FleetMember { motor: listed.motor.clone(), day: listed.day(), points },
         output,
@@ -121,6 +124,8 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
 struct Diagnosed {
     verdict: String,
     effects: Vec<Effect>,
+    #[serde(default)]
+    esc_ramp: Option<EscRampValues>,
 }
 
 #[derive(Deserialize)]
@@ -128,21 +133,29 @@ struct Effect {
     kind: String,
 }
 
-/// The diagnosis in a word or two; `None` where there is none, or nothing to say.
-fn diagnosis(path: &Path) -> Option<String> {
+/// The diagnosis of a log; `None` where there is none.
+///
+/// # Errors
+/// Why it cannot be read.
+fn diagnosis(path: &Path) -> Result<Option<Diagnosed>, String> {
     let text = match std::fs::read(path) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return None,
-        Err(error) => return Some(format!("{DIAGNOSIS} cannot be read: {error}")),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(format!("{DIAGNOSIS} cannot be read: {error}")),
     };
-    let Ok(found) = serde_json::from_slice::<Diagnosed>(&text) else {
-        return Some(format!("{DIAGNOSIS} is not what `rotorlead diagnose --json` writes"));
-    };
-    let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.as_str()).collect();
-    match (found.verdict.as_str(), kinds.as_slice()) {
-        ("agrees", _) => None,
-        (verdict, []) => Some(format!("diagnosis: {verdict}")),
-        (verdict, kinds) => Some(format!("diagnosis: {verdict} {}", kinds.join(" + "))),
+    let found = serde_json::from_slice::<Diagnosed>(&text);
+    found.map(Some).map_err(|_| format!("{DIAGNOSIS} is not what `rotorlead diagnose --json` writes"))
+}
+
+impl Diagnosed {
+    /// In a word or two; `None` where there is nothing to say.
+    fn in_short(&self) -> Option<String> {
+        let kinds: Vec<&str> = self.effects.iter().map(|effect| effect.kind.as_str()).collect();
+        match (self.verdict.as_str(), kinds.as_slice()) {
+            ("agrees", _) => None,
+            (verdict, []) => Some(format!("diagnosis: {verdict}")),
+            (verdict, kinds) => Some(format!("diagnosis: {verdict} {}", kinds.join(" + "))),
+        }
     }
 }
 

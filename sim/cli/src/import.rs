@@ -39,7 +39,7 @@ pub struct Import {
     /// Add to the experiment in DIR, where there is one already
     #[arg(long)]
     append: bool,
-    /// Make an experiment of each log, and the list of them that `rotorlead fleet` reads
+    /// Make an experiment of each log, and of each motor in it that moves, and the list of them that `rotorlead fleet` reads
     #[arg(long, conflicts_with_all = ["append", "name", "no_command"])]
     fleet: bool,
     /// What to call the experiment; unless given, the log's file name, and of several logs the folder's
@@ -118,19 +118,20 @@ impl Import {
         let (mut text, mut list) = (String::new(), FleetList { logs: Vec::new() });
         let (mut summaries, mut findings) = (Vec::new(), Vec::new());
         for file in &self.files {
-            let log = self.logs.read(std::slice::from_ref(file), options, &bar)?;
-            text.push_str(&log.text());
-            text.push('\n');
-            // As its record is called, which is a name on every system.
-            let record = &log.experiment.records[0].file;
-            let name = record.strip_suffix(".csv").unwrap_or(record).to_owned();
-            if list.logs.iter().any(|other| other.folder == name) {
-                return Err(called_alike(record));
+            for log in self.logs.read_motors(file, options, &bar)? {
+                text.push_str(&log.text());
+                text.push('\n');
+                // As its record is called, which is a name on every system.
+                let record = &log.experiment.records[0].file;
+                let name = record.strip_suffix(".csv").unwrap_or(record).to_owned();
+                if list.logs.iter().any(|other| other.folder == name) {
+                    return Err(called_alike(record));
+                }
+                log.experiment.write_below(&folder, &name)?;
+                list.logs.push(FleetLog { motor: name.clone(), folder: name, date: None });
+                summaries.extend(log.summaries);
+                findings.extend(log.findings);
             }
-            log.experiment.write_below(&folder, &name)?;
-            list.logs.push(FleetLog { motor: name.clone(), folder: name, date: None });
-            summaries.extend(log.summaries);
-            findings.extend(log.findings);
         }
         list.write_into(&folder)?;
         folder.commit()?;

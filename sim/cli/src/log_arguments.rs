@@ -12,6 +12,7 @@ use rotorlead_records::Finding;
 use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, import,
+    import_motors,
 };
 use rotorlead_records::{Excitation, Experiment, Output};
 
@@ -117,16 +118,16 @@ impl LogArguments {
             bar.inc(bytes(file));
         }
         let experiment = whole.ok_or_else(|| UsageError::new("no log is given", "give one or more"))?;
-        // What else may be wrong is for `rotorlead check`, which sees all records together.
-        // Of a log without its command that is after it is merged.
-        let records = experiment.records.iter().filter(|_| !options.without_command).enumerate();
-        let findings = records.flat_map(|(place, record)| {
-            // All motors of a flight are of one log.
-            let log = summaries.get(place).unwrap_or(&summaries[0]);
-            let found = check_record(&experiment, record, false).into_iter().filter(Finding::is_grave);
-            found.map(|finding| log.with_source(finding, experiment.output.column())).collect::<Vec<_>>()
-        });
-        Ok(Logs { findings: findings.collect(), experiment, summaries })
+        Ok(Logs::new(experiment, summaries, options))
+    }
+
+    /// Reads a log into an experiment for each of its motors that moves.
+    pub fn read_motors(&self, file: &Path, options: &ImportOptions, bar: &ProgressBar) -> miette::Result<Vec<Logs>> {
+        self.check()?;
+        let motors = import_motors(file, options).map_err(with_next_command)?;
+        motors.iter().try_for_each(|log| self.check_options(file, &log.summary))?;
+        bar.inc(bytes(file));
+        Ok(motors.into_iter().map(|log| Logs::new(log.experiment, vec![log.summary], options)).collect())
     }
 
     /// Refuses options about a log where an experiment's folder is given.
@@ -213,6 +214,19 @@ impl LogArguments {
 }
 
 impl Logs {
+    fn new(experiment: Experiment, summaries: Vec<ImportSummary>, options: &ImportOptions) -> Self {
+        // What else may be wrong is for `rotorlead check`, which sees all records together.
+        // Of a log without its command that is after it is merged.
+        let records = experiment.records.iter().filter(|_| !options.without_command).enumerate();
+        let findings = records.flat_map(|(place, record)| {
+            // All motors of a flight are of one log.
+            let log = summaries.get(place).unwrap_or(&summaries[0]);
+            let found = check_record(&experiment, record, false).into_iter().filter(Finding::is_grave);
+            found.map(|finding| log.with_source(finding, experiment.output.column())).collect::<Vec<_>>()
+        });
+        Self { findings: findings.collect(), experiment, summaries }
+    }
+
     /// What was found in each log, taken and guessed, in words.
     pub fn text(&self) -> String {
         self.in_words(|summary| describe(summary) + &notes(summary))

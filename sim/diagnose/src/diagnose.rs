@@ -10,6 +10,7 @@ use rotorlead_plant::{ActiveEffect, Catalog, Lag, Model, OperatingCurve, Point, 
 use rotorlead_records::Experiment;
 
 use crate::assess::conditions::Conditions;
+use crate::assess::esc_ramp::Fitted;
 use crate::assess::lateness::Lateness;
 use crate::assess::minor::{self, MinorEffect};
 use crate::assess::verdict::{Evidence, Finding, Verdict};
@@ -244,6 +245,7 @@ fn diagnose_response(
         columns: columns(data),
         left_out: data.left_out.clone(),
         conditions: Conditions::from_experiment(experiment, likelihood),
+        last_fit: Fitted::new(likelihood, &after),
         map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
         square_of_speed: None,
         residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),

@@ -25,6 +25,7 @@ mod testing;
 mod through_levels;
 
 pub use assess::conditions::Conditions;
+pub use assess::esc_ramp::{EscRamp, RampRate};
 pub use assess::gap::{Gap, RecordGap, Residual};
 pub use assess::lateness::Lateness;
 pub use assess::locate::{Axis, Location, MapCell};

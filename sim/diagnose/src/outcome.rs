@@ -6,6 +6,7 @@ use rotorlead_plant::effect::{Kind, Parameter};
 use serde::{Serialize, Serializer};
 
 use crate::assess::conditions::Conditions;
+use crate::assess::esc_ramp::{EscRamp, Fitted};
 use crate::assess::gap::{Gap, RecordGap, Residual};
 use crate::assess::lateness::Lateness;
 use crate::assess::locate::{Location, MapCell};
@@ -156,4 +157,15 @@ pub struct Diagnosis {
     /// How the records were taken.
     #[serde(skip)]
     pub conditions: Conditions,
+    /// What more can be asked of.
+    #[serde(skip)]
+    pub(crate) last_fit: Fitted,
+}
+
+impl Diagnosis {
+    /// How fast the ESC lets its command change, or how fast at least. It takes some tens of fits.
+    #[must_use]
+    pub fn esc_ramp(&self) -> EscRamp {
+        self.last_fit.esc_ramp()
+    }
 }

@@ -14,6 +14,7 @@ use rotorlead_plant::{Model, Point, Provenance};
 use rotorlead_records::Experiment;
 use serde_json::{Value, json};
 
+use crate::EscRampValues;
 use crate::IdentifyResult;
 use crate::figures::diagnosis::diagnosis_figures;
 use crate::json_object::json_object;
@@ -33,6 +34,8 @@ pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
     let mut values = json_object(found);
     values.insert("next_experiment".to_owned(), json!(next));
     values.insert("effects".to_owned(), found.effects.iter().map(effect_values).collect());
+    let ramp = EscRampValues::from(found.esc_ramp());
+    values.insert("esc_ramp".to_owned(), json!(ramp));
     let judged = found.model.judgement();
     if let Some(judgement) = judged {
         values.insert("judgement".to_owned(), json!(judgement));
@@ -46,7 +49,7 @@ pub fn diagnosis_answer(found: &Diagnosis) -> Answer {
     Answer {
         name: "diagnosis",
         title: "Diagnosis",
-        text: text(found),
+        text: [text(found), vec![ramp.sentence()]].concat(),
         verdict: verdict.with(judged.into_iter().chain(next_words).collect()),
         tables: tables(found),
         figures: diagnosis_figures(found),

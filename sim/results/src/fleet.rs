@@ -1,15 +1,19 @@
 //! Many logs side by side.
 
+mod ramps;
+
 use rotorlead_answer::{Answer, ColumnSpec, Table, Tone, Unit, Verdict, build_table};
 use rotorlead_assess::fleet::{Comparison, LogFileDeviation, MotorDeviation, relative_change};
 use rotorlead_records::Output;
 use serde_json::{Value, json};
 
+use crate::EscRampValues;
 use crate::json_object::json_object;
 use crate::unit::unit;
+use ramps::Ramps;
 
 /// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FleetRow {
     /// Its folder.
     pub log: String,
@@ -19,6 +23,8 @@ pub struct FleetRow {
     pub date: String,
     /// Why it is not among those that are compared, or what a diagnosis found.
     pub note: String,
+    /// The ramps of its ESC, where it was diagnosed.
+    pub esc_ramp: Option<EscRampValues>,
 }
 
 /// A motor in its time constant and in its gain, as far as they are compared.
@@ -69,12 +75,16 @@ pub fn fleet_answer(
     };
     let noted =
         (!noted.is_empty()).then(|| logs_table("fleet_noted_logs", "Logs of which something is to be said", &noted));
+    let ramps = Ramps::new(rows);
+    let mut verdict = verdict(&motors, &logs);
+    verdict.sentences.extend(ramps.sentence());
     Answer {
         name: "fleet",
         title: "The fleet",
-        verdict: verdict(&motors, &logs),
+        verdict,
         tables: [usual_table(&levels, output), motors_table(&motors)]
             .into_iter()
+            .chain(ramps.table())
             .chain(noted)
             .chain([all_logs.in_detail()])
             .collect(),
@@ -84,6 +94,7 @@ pub fn fleet_answer(
                 .map(|level| json!({"nominal": level.nominal, "time_constant_s": level.time_constant_s, "gain": level.gain}))
                 .collect::<Value>(),
             "motors": motors.iter().map(Motor::json).collect::<Value>(),
+            "esc_ramps": ramps.values(),
             "logs": logs.iter().map(RankedLog::json).collect::<Value>(),
         })),
         ..Answer::default()

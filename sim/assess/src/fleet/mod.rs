@@ -7,10 +7,12 @@
 mod compare;
 mod drift;
 mod outlying;
+mod ramps;
 
 pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare};
 pub use drift::Drift;
 pub use outlying::{FEWEST_SCORED, OUTLIER_Z_SCORE};
+pub use ramps::{FEWEST_RAMPS, RampRanges, odd_ramps};
 
 /// Logs that a command must have for a usual value. Derived: a median of two is one of them, and cannot say which of the two is odd.
 pub const FEWEST_LOGS: usize = 3;

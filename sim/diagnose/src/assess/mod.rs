@@ -1,6 +1,7 @@
 //! What a model leaves: where, whether it is noise, and how large the gap is.
 
 pub(crate) mod conditions;
+pub(crate) mod esc_ramp;
 pub(crate) mod gap;
 pub(crate) mod gaps;
 pub(crate) mod lateness;

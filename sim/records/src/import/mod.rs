@@ -139,6 +139,33 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
     import_bytes(file, &bytes, options)
 }
 
+/// [`import`] of each motor of a log that moves, unless [`ImportOptions::motor`] says which: an experiment each.
+///
+/// # Errors
+/// As [`import`]; where a motor that moves cannot be taken, nothing is.
+pub fn import_motors(file: &Path, options: &ImportOptions) -> Result<Vec<Import>, ImportError> {
+    let first = import(file, options)?;
+    if options.motor.is_some() || !first.summary.has_motors {
+        return Ok(vec![first]);
+    }
+    let mut motors = Vec::new();
+    for motor in 1..=MOST_MOTORS {
+        // Some logs number their motors with gaps.
+        match import(file, &ImportOptions { motor: Some(motor), ..options.clone() }) {
+            Ok(mut taken) => {
+                let [record] = &mut taken.experiment.records[..] else { unreachable!("a log is a record") };
+                let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
+                record.file = format!("{stem}_motor{motor}.csv");
+                motors.push(taken);
+            }
+            Err(ImportError::Missing { .. } | ImportError::ConstantCommand { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    // Of a log of one motor that says no number, that one is all.
+    Ok(if motors.len() > 1 { motors } else { vec![first] })
+}
+
 /// [`import`] of a log that is in memory. `file` is what messages call it.
 ///
 /// Memory stays within a fixed multiple of the log's length, whatever the log says of itself.
