@@ -219,7 +219,7 @@ fn frequency_responses_go_to_matlab_python_and_tables() {
     );
     // The reader of logs lists what the file has.
     stand.refuses(
-        "import motor.mat --excitation multisine --out imported",
+        "import motor.mat --excitation multisine --period 10 --out imported",
         1,
         &["frequency", "coherence", "covariance"],
     );

@@ -3,6 +3,7 @@
 use clap::Args;
 use rotorlead_export::{FirmwareRelease, ThrustLinear};
 
+use super::super::UsageError;
 use super::super::outcome::Outcome;
 
 /// What to convert, in place of a model's parameters.
@@ -19,7 +20,7 @@ pub struct Conversion {
     )]
     convert: Option<u8>,
     /// The release that the value to convert is of, such as 2025.12
-    #[arg(long, value_name = "RELEASE", requires = "convert")]
+    #[arg(long, value_name = "RELEASE")]
     from: Option<FirmwareRelease>,
 }
 
@@ -31,7 +32,16 @@ fn thrust_linear(text: &str) -> Result<u8, String> {
 impl Conversion {
     /// The converted value, where one is asked for.
     pub fn run(self) -> Option<miette::Result<Outcome>> {
-        let (value, from) = (self.convert?, self.from?);
+        let (value, from) = match (self.convert, self.from) {
+            (Some(value), Some(from)) => (value, from),
+            (None, None) => return None,
+            // Not left to the parser: it asks for no option that goes without `--for`.
+            (None, Some(_)) | (Some(_), None) => {
+                return Some(Err(
+                    UsageError::new("--from goes with --convert", "add --convert thrust_linear=VALUE").into()
+                ));
+            }
+        };
         Some(match ThrustLinear::convert(f64::from(value), from) {
             Ok(found) => Ok(Outcome::new(text(value, from, &found), &found)),
             Err(why) => Err(miette::miette!(

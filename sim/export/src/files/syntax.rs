@@ -37,7 +37,10 @@ impl Syntax {
     pub(super) fn comment(&self, paragraphs: &[String]) -> String {
         let [begin, next, end] = self.comment;
         // A comment of XML holds no double hyphen.
-        let plain = |words: &String| if self.comment == XML { words.replace("--", "option ") } else { words.clone() };
+        let plain = |words: &String| match self.comment == XML {
+            true => words.replace("`--", "option `").replace("--", "option "),
+            false => words.clone(),
+        };
         let paragraphs: Vec<String> = paragraphs.iter().map(plain).collect();
         let lines: Vec<_> = paragraphs.iter().flat_map(|words| textwrap::wrap(words, WIDTH)).collect();
         format!("{begin}{}{end}\n", lines.join(&format!("\n{next}")))

@@ -44,7 +44,7 @@ impl Ramps {
         }
         let odd: Vec<&MotorRamp> = self.motors.iter().filter(|motor| motor.is_odd).collect();
         let words =
-            |one: &MotorRamp| format!("{} ({} up, {} down)", one.motor, one.ramp.up.words(), one.ramp.down.words());
+            |one: &MotorRamp| format!("{}: {} up, {} down", one.motor, one.ramp.up.words(), one.ramp.down.words());
         Some(match &odd[..] {
             [] => "ESC ramps: no motor's is unlike the others'.".to_owned(),
             [one] => format!("ESC ramps: the odd one is {}.", words(one)),
