@@ -141,3 +141,61 @@ fn what_is_no_fleet_is_refused_with_its_place_and_a_remedy() {
     stand.refuses("fleet fleet", 1, &["fleet.csv:2:6", "`last week` is not a date", "2026-03-02"]);
     stand.refuses("fleet", 2, &["<DIR>"]);
 }
+
+#[test]
+fn one_bench_log_of_four_motors_says_which_esc_ramps() {
+    let stand = Stand::new();
+    // Time constants of 50 ms, 12 000 rpm at full command; the second ESC goes by 0.15 %/ms up and 0.3 down.
+    let levels = [0.3, 0.5, 0.35, 0.7, 0.4, 0.6, 0.3, 0.65, 0.5, 0.55, 0.35, 0.4, 0.3];
+    let ramps = [None, Some((1.5, 3.0)), None, None];
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let noise = Normal::new(0.0, 25.0).unwrap();
+    let mut table = "time_s,command.m1,rpm.m1,command.m2,rpm.m2,command.m3,rpm.m3,command.m4,rpm.m4\n".to_owned();
+    let (mut followed, mut speed) = ([0.3_f64; 4], [0.3_f64; 4]);
+    const STEP_S: f64 = 5e-4;
+    for step in 0..13 * 3000_usize {
+        let command = levels[step / 3000];
+        if step.is_multiple_of(10) {
+            write!(table, "{:.4}", step as f64 * STEP_S).unwrap();
+            for speed in speed {
+                write!(table, ",{command},{:.0}", 12_000.0 * speed + noise.sample(&mut random)).unwrap();
+            }
+            table.push('\n');
+        }
+        for (motor, ramp) in ramps.iter().enumerate() {
+            let (up, down) = ramp.unwrap_or((f64::INFINITY, f64::INFINITY));
+            followed[motor] += (command - followed[motor]).clamp(-down * STEP_S, up * STEP_S);
+            speed[motor] += STEP_S / 0.05 * (followed[motor] - speed[motor]);
+        }
+    }
+    stand.write("bench.csv", table);
+    stand.run("import bench.csv --excitation staircase --fleet --out bench");
+    for motor in 1..=4 {
+        let log = format!("bench/bench_motor{motor}");
+        stand.run(&format!("identify -q {log} --out {log}/model.toml"));
+        stand.run(&format!("diagnose -q {log} --json {log}/diagnose.json"));
+    }
+    let found = stand.json("fleet bench");
+    let odd = found["esc_ramps"].as_array().unwrap().iter().map(|ramp| ramp["is_odd"] == true);
+    assert_eq!(odd.collect::<Vec<_>>(), [false, true, false, false], "{found:#}");
+    for (motor, truth) in ramps.iter().enumerate() {
+        let ramp = &found["esc_ramps"][motor];
+        let of = |direction: &str, end: &str| ramp[direction][format!("{end}_percent_per_ms")].as_f64();
+        for (direction, truth) in [("up", truth.map(|(up, _)| up)), ("down", truth.map(|(_, down)| down))] {
+            let (low, rate, high) = (of(direction, "low"), of(direction, "rate"), of(direction, "high"));
+            match truth {
+                // In % of the range in a millisecond.
+                Some(truth) => assert!(low.unwrap() <= 0.1 * truth && 0.1 * truth <= high.unwrap(), "{ramp:#}"),
+                // One as slow as that of the second would have been seen.
+                None => assert!(rate.is_none() && high.is_none() && low.is_some_and(|low| low > 0.6), "{ramp:#}"),
+            }
+        }
+    }
+    let said = stand.run("fleet bench");
+    assert!(
+        said.contains("ESC ramps: the odd one is bench_motor2: 0.1") && said.contains("none slower than"),
+        "{said}"
+    );
+    let alone = stand.run("diagnose bench/bench_motor2");
+    assert!(alone.contains("ESC ramp: 0.1"), "{alone}");
+}
