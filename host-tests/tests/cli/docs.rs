@@ -52,7 +52,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 16] = [
+const PAGES: [Page; 17] = [
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
@@ -69,6 +69,7 @@ const PAGES: [Page; 16] = [
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
     page("docs/export.md", 8),
+    page("docs/fleet.md", 4),
 ];
 
 /// One fenced block, and the file's name on the line before it.
@@ -351,6 +352,12 @@ fn the_page_on_autopilot_logs_shows_what_its_commands_print() {
 #[test]
 fn the_page_on_the_inverse_shows_what_its_commands_print() {
     holds("docs/inverse.md");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_page_on_fleets_shows_what_its_commands_print() {
+    holds("docs/fleet.md");
 }
 
 #[cfg(unix)]

@@ -7,7 +7,7 @@ use rotorlead_identify::frequency_response::{FrequencyResponse, ResponseLine};
 use rotorlead_identify::identification::{IdentifyOptions, Lags, identify};
 use rotorlead_identify::lag::multisine::{NominalIdentification, RecordResponse};
 use rotorlead_plant::{CompensatorDesign, Lag, Model};
-use rotorlead_records::Experiment;
+use rotorlead_records::{Excitation, Experiment};
 use serde::Serialize;
 
 /// Nominal commands closer than this are one.
@@ -123,10 +123,12 @@ impl FrequencyResponses {
         compensator: Option<&CompensatorDesign>,
         at: Option<f64>,
     ) -> Result<Self, String> {
+        let no_multisine = || String::from("the records have no multisine: record one, as `rotorlead excite` makes it");
+        if experiment.records.iter().all(|record| record.excitation != Excitation::Multisine) {
+            return Err(no_multisine());
+        }
         let found = identify(experiment, &IdentifyOptions::default()).map_err(|error| error.to_string())?;
-        let Lags::Multisines(found) = &found.lags else {
-            return Err(String::from("the records have no multisine: record one, as `rotorlead excite` makes it"));
-        };
+        let Lags::Multisines(found) = &found.lags else { return Err(no_multisine()) };
         let nominals = &found.nominals;
         let chosen = match at {
             Some(at) => nominals.iter().find(|found| (found.nominal - at).abs() <= SAME_NOMINAL),
