@@ -115,13 +115,15 @@
     made.append(...children);
     return made;
   };
+  // What sets a plot apart from the others of its figure.
+  const titles = ({ previousElementSibling: above }) => (above && above.matches(".panel") ? [above.textContent] : []);
   // Two upright lines across the plots of a figure, and a table of what its curves are there. Says how to draw both anew.
   const cursors = (figure, plots) => {
     const button = figure.querySelector("button.cursors");
     const { type, title, range } = plots[0].layout.xaxis;
     const curves = plots.flatMap((plot) => plot.data
       .filter((trace) => trace.mode && trace.fill !== "toself" && trace.x.length > 2 && !trace.xaxis && !trace.yaxis)
-      .map((trace) => ({ trace, what: plot.layout.yaxis.title.text.replaceAll("<br>", " ") })));
+      .map((trace) => ({ trace, what: [...titles(plot), plot.layout.yaxis.title.text.replaceAll("<br>", " ")].join(", ") })));
     const rises = curves.every(({ trace: { x } }) => x.every((place, index) => index === 0 || place >= x[index - 1]));
     if (!curves.length || !rises || plots.some((plot) => plot.dataset.x !== plots[0].dataset.x)) {
       button.remove();

@@ -200,7 +200,10 @@ const cursorFaults = async (index) => {
   if (readings.length === 0) found.push(`${figure.id}: no curve is read`);
   for (const plot of plots) {
     for (const trace of plot.data.filter(({ x, fill, mode }) => mode === "lines" && fill !== "toself" && x.length > 100)) {
-      const row = readings.find(([name]) => name.startsWith(`${trace.name}: `) && name.includes(plot.layout.yaxis.title.text.split(",")[0]));
+      const above = plot.previousElementSibling;
+      const title = above && above.matches(".panel") ? `${above.textContent}, ` : "";
+      const what = `${trace.name}: ${title}${plot.layout.yaxis.title.text.replaceAll("<br>", " ")}`;
+      const row = readings.find(([name]) => name === what);
       const after = trace.x.findIndex((x) => x >= expected[0]);
       if (after < 1 || trace.y[after - 1] === null || trace.y[after] === null) continue;
       const [low, high] = [trace.y[after - 1], trace.y[after]].sort((one, other) => one - other);

@@ -7,6 +7,9 @@ use super::bode::{Curve, bode, level, mark};
 
 /// Height of a panel among several, pixels. Chosen: three quarters of a panel alone, 320, so that two are on a screen.
 const HEIGHT: u32 = 240;
+/// Frequencies of a loop that are drawn, rad/s. Chosen: crossovers are at some tens to hundreds; a decade and more around them is enough, and more
+/// lays the curves on each other.
+const LOOP_RAD_S: (f64, f64) = (1.0, 1000.0);
 /// Lowest phase drawn, degrees. Chosen: as far under -180 as the axis' start, -90 or above, is over it; the gyro's filters turn on.
 const LOWEST_PHASE_DEG: f64 = -270.0;
 
@@ -75,7 +78,11 @@ fn rate_loops(at: &AtLatency, airframe: &Airframe) -> Option<Figure> {
         .collect();
     let curves: Vec<Curve> = loops
         .iter()
-        .map(|(name, color, curve)| Curve::new(name.clone(), Mark::Line, *color, curve.response.clone()))
+        .map(|(name, color, curve)| {
+            let drawn =
+                curve.response.iter().copied().filter(|(omega, _)| (LOOP_RAD_S.0..=LOOP_RAD_S.1).contains(omega));
+            Curve::new(name.clone(), Mark::Line, *color, drawn.collect())
+        })
         .collect();
     let mut panels = bode(&curves, "dB", &[("0 dB", 0.0)]);
     for (name, _, curve) in &loops {
