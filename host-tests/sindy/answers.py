@@ -20,7 +20,7 @@ warnings.filterwarnings("ignore")
 
 @dataclass(frozen=True)
 class Answer:
-    """One tool's answer: each name with those that it may as well be, the first parameter of each, and what is left."""
+    """One tool's answer: each name with those that it may as well be, one parameter of each, and what is left."""
 
     gap: float
     seconds: float
@@ -38,6 +38,28 @@ def lag_alone(records: list[Record], lags: dict[float, Lag]) -> Fit:
         lag = lags[record.nominal]
         simulated.append(lag.gain * lagged(record.command - record.nominal, lag.time_constant_s, record.step_s))
     return Fit([], {}, "", simulated)
+
+
+# The parameter of each effect that is compared.
+PARAMETERS = {
+    "transport_delay": "delay_s",
+    "esc_frame_hold": "frame_hz",
+    "dead_band": "width",
+    "backlash": "half_width",
+    "command_quantization": "step",
+    "saturation": "max",
+    "slew_limit": "rate_per_s",
+    "asymmetric_lag": "ratio",
+    "operating_point_lag": "exponent",
+    "quadratic_thrust": "curvature_per_duty",
+    "second_pole": "time_constant_s",
+    "inflow_lead": "time_constant_s",
+    "supply_sag": "polarization_s",
+    "gain_drift": "drift",
+    "stand_resonance": "frequency_hz",
+    "clock_skew": "skew_ppm",
+    "moving_average": "window_s",
+}
 
 
 MODELS: dict[str, Callable[[list[Record], dict[float, Lag]], Fit]] = {
@@ -83,13 +105,13 @@ def ask_diagnosis(program: Path, folder: Path, out: Path) -> Answer:
     answer, model = out.with_suffix(".json"), out.with_suffix(".toml")
     seconds = run([program, "diagnose", folder, "--json", answer, "--out-model", model, "--quiet", "--force"])
     said = json.loads(answer.read_text())
-    first = {one["kind"]: next(iter(one["parameters"].values()), {}).get("value") for one in said["effects"]}
+    values = {one["kind"]: one["parameters"].get(PARAMETERS.get(one["kind"]), {}).get("value") for one in said["effects"]}
     return Answer(
         gap=100.0 * said["gap"]["after"],
         seconds=seconds,
         names=[[one["kind"], *one["alternatives"]] for one in said["effects"]],
         minor=[[one["kind"]] for one in said["minor"]],
-        values={kind: value for kind, value in first.items() if value is not None},
+        values={kind: value for kind, value in values.items() if value is not None},
         detail=said["verdict"],
         noise_floor=100.0 * said["gap"]["noise_floor"],
     )

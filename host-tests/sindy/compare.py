@@ -8,6 +8,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 # One core for either, before NumPy is loaded.
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -91,20 +92,25 @@ def answer_benchmark(job: tuple[Benchmark, Path, Path, Path]) -> Case:
 def answer_blind(job: tuple[Path, Path, Path]) -> Case:
     """Both tools' answers on a blind case; its truth is read after that."""
     folder, program, work = job
-    for name, answer in (("sindy", lambda out: ask.ask_sindy(read_experiment(folder))), ("diagnosis", None)):
+    found = {}
+    for name in ("sindy", "diagnosis"):
         out = work / name / f"{folder.name}.json"
         out.parent.mkdir(parents=True, exist_ok=True)
         if not out.exists():
-            given = answer(out) if answer else {name: ask.ask_diagnosis(program, folder, work / "said" / folder.name)}
+            is_sindy = name == "sindy"
+            given = ask.ask_sindy(read_experiment(folder)) if is_sindy else {name: ask.ask_diagnosis(program, folder, work / "said" / folder.name)}
             out.write_text(ask.as_json(given))
-    found = {k: v for name in ("sindy", "diagnosis") for k, v in ask.from_json((work / name / f"{folder.name}.json").read_text()).items()}
-    truth = json.loads((work / "truth" / f"{folder.name}.json").read_text())
+        found |= ask.from_json(out.read_text())
+    return blind_case(json.loads((work / "truth" / f"{folder.name}.json").read_text()), found)
+
+
+def blind_case(truth: dict[str, Any], found: dict[str, ask.Answer]) -> Case:
+    """The answers beside the truth."""
     hidden = truth["effects"][0] if truth["effects"] else None
-    kind = "outside" if truth["outside"] else "nothing" if hidden is None else "effect"
+    sort = "outside" if truth["outside"] else "effect" if hidden else "nothing"
     label = truth["outside"] or (hidden["kind"] if hidden else "nothing")
-    value = hidden["parameters"][0][1] if hidden else None
-    known = (hidden["kind"],) if hidden else ()
-    return Case(label, kind, known, value, truth["noise_level"], found)
+    value = dict(hidden["parameters"])[ask.PARAMETERS[hidden["kind"]]] if hidden else None
+    return Case(label, sort, (hidden["kind"],) if hidden else (), value, truth["noise_level"], found)
 
 
 def arguments() -> argparse.Namespace:

@@ -95,8 +95,11 @@ def with_catalog(records: list[Record], lags: dict[float, Lag], further: int = 4
     nominal = np.array([record.nominal for record in records])
     terms, columns = [], []
     for term, by_row in catalog(Commands(deviation, nominal, records[0].step_s), tau_s):
-        terms.append(term)
-        columns.append([block.mean(one[: len(block.record.command)]) for block, one in zip(cut, by_row.T, strict=True)])
+        means = [block.mean(one[: len(block.record.command)]) for block, one in zip(cut, by_row.T, strict=True)]
+        # A law that nothing shows has no column.
+        if any(means[k][:length].any() for k in trained):
+            terms.append(term)
+            columns.append(means)
     inputs, states, fit_inputs = [], [], []
     for k, block in enumerate(cut):
         speed = 1.0 / block.lag.time_constant_s
@@ -192,12 +195,15 @@ def _choose(path: Array, lag_count: int, terms: list[Term], cut: list[Blocks], s
         kind = kinds[new - lag_count]
         kind = "inflow_lead" if kind in LAGGING and coefficient < 0 else kind
         names.append((kind,))
-        values.setdefault(kind, _value(kind, coefficient, terms[place] if (place := new - lag_count - len(STATE_LAWS)) >= 0 else None))
+        place = new - lag_count - len(STATE_LAWS)
+        # The term of a drift is a straight line in time, and has no number of the catalog's.
+        if kind != "gain_drift":
+            values.setdefault(kind, _value(kind, coefficient, terms[place] if place >= 0 else None))
     return Fit(names, values, f"{best} terms, gaps of the fitted rows {np.round(gaps, 2)} %", by_row[best])
 
 
 def _value(kind: str, coefficient: float, term: Term | None) -> float:
-    """What a term says of its effect's first parameter."""
+    """What a term says of its effect's parameter."""
     if kind == "asymmetric_lag":
         return 1.0 + coefficient
     if term is None or term.reading == "coefficient":

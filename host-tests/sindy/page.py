@@ -53,13 +53,16 @@ def verdict(case: Case, answer: Answer) -> str:
 
 
 def parameter(case: Case, answer: Answer) -> float | None:
-    """By how much the hidden effect's first parameter is off, in percent."""
+    """By how much the hidden effect's parameter is off, in percent."""
     if case.value is None or not case.known or (found := answer.values.get(case.known[0])) is None:
         return None
-    # A drift is said over another time by SINDy's term, and the sign of a clock is a convention.
-    if case.known == ("gain_drift",) and "diagnosis" not in answer.detail and answer.noise_floor is None:
-        return None
+    # The sign of a clock is a convention.
     return 100.0 * abs(abs(found) / abs(case.value) - 1.0)
+
+
+def percent(gap: float, digits: int) -> str:
+    """A gap, where the simulation has not run away."""
+    return f"{gap:.{digits}f}" if gap < 1000.0 else "runs away"
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
@@ -69,7 +72,8 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 
 def named(answer: Answer) -> str:
     """The names in order, each once; a group of alternatives with `or`."""
-    groups = list(dict.fromkeys(" or ".join(group) for group in answer.names))
+    # Three names at most are printed: a polynomial's term may be more.
+    groups = list(dict.fromkeys(" or ".join(group) if len(group) <= 3 else f"one of {len(group)} laws" for group in answer.names))
     said = ", ".join(groups).replace("_", " ")
     return said or ("(minor) " + ", ".join(group[0] for group in answer.minor).replace("_", " ") if answer.minor else "-")
 
@@ -104,7 +108,7 @@ def page(cases: list[Case]) -> str:
     if benchmarks := [case for case in cases if case.sort == "benchmark"]:
         lines += ["### Public records", ""]
         rows = [
-            [case.label, TOOLS[tool], named(answer), f"{answer.gap:.1f}", f"{answer.seconds:.1f}"]
+            [case.label, TOOLS[tool], named(answer), percent(answer.gap, 1), f"{answer.seconds:.1f}"]
             for case in benchmarks
             for tool, answer in ((tool, case.answers[tool]) for tool in TOOLS)
         ]
@@ -119,7 +123,7 @@ def page(cases: list[Case]) -> str:
             answer = case.answers[tool]
             said = named(answer) if tool in ("catalog", "diagnosis") else verdict(case, answer)
             found = answer.values.get(case.known[0]) if case.known else None
-            cells.append(f"{said}{'' if found is None else f' {found:.3g}'}; {answer.gap:.2f}")
+            cells.append(f"{said}{'' if found is None else f' {found:.3g}'}; {percent(answer.gap, 2)}")
         rows.append(cells)
     lines += table(["hidden", "noise (%)", "gap of the lag (%)", *(TOOLS[tool] for tool in tools)], rows)
     return "\n".join(lines)
