@@ -130,7 +130,7 @@ def main() -> int:
     options = arguments()
     work = options.work.resolve()
     (work / "said").mkdir(parents=True, exist_ok=True)
-    kinds = "quadratic_thrust" if options.quick else f"{ONE_EFFECT},nothing,outside"
+    kinds = "second_pole" if options.quick else f"{ONE_EFFECT},nothing,outside"
     program = options.rotorlead.resolve()
     ask.run([
         options.blind.resolve(), "--only-ceilings", "--set", "report", "--rivals", "none", "--kinds", kinds,
