@@ -225,10 +225,11 @@ impl SimulatedMotor {
             exponent,
             most_per_s: most_per_s.filter(|_| stepping.has_rate_limit),
             // A dead time that is none has no steps.
-            dead_steps: value(StackParameter::DeadTimeSteps)
-                .ok()
-                .filter(|_| stepping.has_dead_time)
-                .map_or(0, |steps| steps as usize),
+            dead_steps: stepping.late_steps
+                + value(StackParameter::DeadTimeSteps)
+                    .ok()
+                    .filter(|_| stepping.has_dead_time)
+                    .map_or(0, |steps| steps as usize),
             range: known.range,
         })
     }

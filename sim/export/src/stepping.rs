@@ -19,6 +19,8 @@ pub struct Stepping {
     pub has_rate_limit: bool,
     /// Whether it holds a dead time, in whole steps.
     pub has_dead_time: bool,
+    /// Steps by which its thrust is late for the order of its own work.
+    pub late_steps: usize,
     #[serde(skip)]
     scheme: Scheme,
 }
@@ -62,13 +64,21 @@ const SPEED: Stepping = Stepping {
     has_directions: false,
     has_rate_limit: false,
     has_dead_time: false,
+    late_steps: 0,
     scheme: Scheme::Exact,
 };
 
 /// Steps, seconds. Standard: those of the simulators' own files, which their definitions name; of SIH 400 Hz, which it takes where the rates
 /// of the IMU are not set; of Gazebo 1 ms, that of its worlds unless they say.
 static GAZEBO: [Stepping; 1] =
-    [Stepping { name: "MulticopterMotorModel at 061b93b14bc8", step_s: 0.001, has_directions: true, ..SPEED }];
+    // It takes the thrust of the speed that its filter had before the step.
+    [Stepping {
+        name: "MulticopterMotorModel at 061b93b14bc8",
+        step_s: 0.001,
+        has_directions: true,
+        late_steps: 1,
+        ..SPEED
+    }];
 static ISAAC_LAB: [Stepping; 2] = [
     Stepping {
         name: "3.0.0, rk4, use_discrete_approximation=False",
