@@ -1,6 +1,6 @@
 //! What a function may be given: a path, or the same as a mapping.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -8,7 +8,7 @@ use pyo3::types::PyMapping;
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::files::{FileError, KeyPath, TextFile};
 
-use crate::error::{raised, refused};
+use crate::error::{raised, refused, refused_dict};
 use crate::value::to_table;
 
 /// A file or folder, or what it would hold.
@@ -34,27 +34,41 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Given<'py> {
 }
 
 impl Given<'_> {
-    /// The text of the file, and what to call it. A mapping is written as the file would be, so that it is read and refused alike.
-    pub fn text(&self, name: &str) -> PyResult<(TextFile, PathBuf)> {
+    /// What `parse` makes of the text of the file, and what to call it. A mapping is written as the file would be, so that it is
+    /// read and refused alike.
+    pub fn parsed<T>(
+        &self,
+        name: &str,
+        parse: impl FnOnce(TextFile, &Path) -> Result<T, FileError>,
+    ) -> PyResult<(T, PathBuf)> {
         match self {
-            Self::Path(path) => Ok((read(TextFile::read(path))?, path.clone())),
+            Self::Path(path) => {
+                let text = read(TextFile::read(path))?;
+                Ok((read(parse(text, path))?, path.clone()))
+            }
             Self::Mapping(mapping) => {
                 let mut table = to_table(mapping)?;
                 table.entry("format").or_insert(1.into());
-                Ok((TextFile::in_memory(name, table.to_string()), name.into()))
+                let text = TextFile::in_memory(name, table.to_string());
+                let parsed = parse(text, Path::new(name)).map_err(|error| refused_dict(name, &error))?;
+                Ok((parsed, name.into()))
             }
         }
     }
 
     /// The model, and what to call it.
     pub fn model(&self) -> PyResult<(Model, PathBuf)> {
-        let (text, name) = self.text("model")?;
-        Ok((read(Model::parse(text))?, name))
+        self.parsed("model", |text, _| Model::parse(text))
+    }
+
+    /// The model, and what to call it. A static map alone is one too.
+    pub fn any_model(&self) -> PyResult<(Model, PathBuf)> {
+        self.parsed("model", |text, _| Model::parse_with_map_alone(text))
     }
 
     /// The compensator.
     pub fn compensator(&self) -> PyResult<CompensatorDesign> {
-        read(CompensatorDesign::parse(self.text("compensator")?.0))
+        Ok(self.parsed("compensator", |text, _| CompensatorDesign::parse(text))?.0)
     }
 }
 

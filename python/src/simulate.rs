@@ -4,28 +4,20 @@ use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_records::files::{KeyPath, OutputFolder};
-use rotorlead_results::{read_plan, simulation_json};
+use rotorlead_results::read_plan;
 
-use crate::argument::{Given, read};
+use crate::argument::Given;
 use crate::error::refused;
-use crate::experiment::describe;
+use crate::experiment::InMemory;
 use crate::interrupt;
-use crate::value::to_dict;
 
 /// The compensator's file in the folder of an experiment.
 const COMPENSATOR: &str = "compensator.toml";
 
-/// Runs an experiment on a simulated actuator, through the controller's own code.
-///
-/// `model` is the actuator and `plan` what to run, both a path or a dict; the paper's experiment unless given. `compensator` is put
-/// in front of the ESC. `seed` is that of the noise, instead of the plan's: the same arguments give the same numbers. `out` is
-/// the folder of the experiment, which is made. The result has the keys of `rotorlead simulate --json`, those of
-/// `experiment.toml`, and in each record its columns as arrays: it is what `identify` and `diagnose` take.
+/// The records.
 #[pyfunction]
-#[pyo3(signature = (model, plan = None, *, compensator = None, seed = None, out = None))]
 pub fn simulate<'py>(
     py: Python<'py>,
     model: Given<'py>,
@@ -33,16 +25,16 @@ pub fn simulate<'py>(
     compensator: Option<Given<'py>>,
     seed: Option<i128>,
     out: Option<PathBuf>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<InMemory> {
     let (model, name) = model.model()?;
     let mut refusal = format!("the paper's experiment cannot be run on `{}`", name.display());
     let compensator = compensator.map(|given| given.compensator()).transpose()?;
     let (mut plan, design) = match plan {
         Some(given) => {
-            let (text, file) = given.text("plan")?;
-            let folder = file.parent().unwrap_or(Path::new(""));
+            let read = |text, file: &Path| read_plan(text, &model, file.parent().unwrap_or(Path::new("")), compensator);
+            let (planned, file) = given.parsed("plan", read)?;
             refusal = format!("`{}` cannot be run on `{}`", file.display(), name.display());
-            read(read_plan(text, &model, folder, compensator))?
+            planned
         }
         None => (Plan::paper(&model), compensator),
     };
@@ -53,7 +45,6 @@ pub fn simulate<'py>(
     if design.is_some() {
         plan.compensator = Some(COMPENSATOR.into());
     }
-    let seed = plan.seed;
     let experiment = interrupt::run(py, move || {
         let folder = out.as_deref().map(OutputFolder::create).transpose()?;
         let experiment =
@@ -67,7 +58,5 @@ pub fn simulate<'py>(
         }
         Ok(experiment)
     })?;
-    let dict = to_dict(py, &simulation_json(&experiment, seed))?;
-    describe(&dict, experiment)?;
-    Ok(dict)
+    Ok(InMemory::new(experiment))
 }

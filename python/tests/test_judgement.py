@@ -26,10 +26,11 @@ LOGS = [
 
 class Judgement(Stand):
     def assert_judged_alike(self, folder):
-        found, expected = rotorlead.identify(folder)["judgement"], answer("identify", folder)["judgement"]
-        self.assert_same(found, expected)
-        self.assertIn(found["state"], ("ready", "ready within limits", "measure again", "not a lag"))
-        self.assertTrue(found["limits"] or found["state"] == "ready")
+        found, expected = rotorlead.identify(folder), answer("identify", folder)["judgement"]
+        self.assert_same(found.to_dict()["judgement"], expected)
+        self.assertEqual(found.judgement, (expected["state"], tuple(expected["limits"])))
+        self.assertIn(found.judgement.state, ("ready", "ready within limits", "measure again", "not a lag"))
+        self.assertTrue(found.judgement.limits or found.judgement.state == "ready")
 
     def test_logs(self):
         for index, (log, options) in enumerate(LOGS):

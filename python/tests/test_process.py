@@ -15,7 +15,7 @@ from stand import Stand
 
 
 def headline(folder):
-    return rotorlead.identify(folder)["headline"]
+    return rotorlead.identify(folder).headline
 
 
 class Process(Stand):
@@ -48,7 +48,7 @@ class Process(Stand):
         with ThreadPoolExecutor() as pool:
             beside = list(pool.map(lambda seed: rotorlead.simulate("motor.toml", "plan.toml", seed=seed), range(4)))
         for one, other in zip(alone, beside):
-            self.assert_same(rotorlead.identify(one), rotorlead.identify(other))
+            self.assert_same(rotorlead.identify(one).to_dict(), rotorlead.identify(other).to_dict())
 
     @unittest.skipUnless("fork" in multiprocessing.get_all_start_methods(), "this system does not fork")
     def test_processes_that_are_forked_after_a_call_compute_too(self):
@@ -63,16 +63,29 @@ class Process(Stand):
         ended = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
         self.assertIn("OSError no thread can be started", ended.stdout, ended.stderr)
 
-    def test_ctrl_c_is_answered_at_once(self):
-        # What is started in the background may have been told to ignore it.
-        before = signal.signal(signal.SIGINT, signal.default_int_handler)
-        self.addCleanup(signal.signal, signal.SIGINT, before)
-        start = time.perf_counter()
-        rotorlead.diagnose("sim")
-        whole = time.perf_counter() - start
-        after = min(0.2, 0.2 * whole)
-        threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT)).start()
-        start = time.perf_counter()
-        with self.assertRaises(KeyboardInterrupt):
-            rotorlead.diagnose("sim")
-        self.assertLess(time.perf_counter() - start, max(0.6 * whole, after + 0.3))
+    def test_ctrl_c_is_answered_within_100_ms(self):
+        # In a process of its own, which is ended where it hangs; its clock is that of this one.
+        code = (
+            "import rotorlead, signal, sys, time\n"
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+            "records = rotorlead.Records.read('sim')\n"
+            "print('ready', flush=True)\n"
+            "try:\n"
+            "    while True: rotorlead.diagnose(records)\n"
+            "except KeyboardInterrupt:\n"
+            "    print(time.monotonic(), flush=True)\n"
+        )
+        waited = []
+        for _ in range(3):
+            with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+                ended = threading.Timer(60, process.kill)
+                ended.start()
+                self.assertEqual(process.stdout.readline(), "ready\n")
+                time.sleep(0.2)
+                start = time.monotonic()
+                process.send_signal(signal.SIGINT)
+                waited.append(float(process.stdout.readline()) - start)
+                process.kill()
+                ended.cancel()
+        # The shortest: another process may have had the core.
+        self.assertLess(min(waited), 0.1, waited)

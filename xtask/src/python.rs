@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::python_environment::{folder, tool};
-use crate::run::{Result, root, run, target_folder};
+use crate::python_environment::{OLDEST, folder, tool};
+use crate::run::{Result, cargo, output, root, run, target_folder};
 use crate::setup;
 
 /// Builds the wheel that is given to others, and says where it is.
@@ -22,10 +22,32 @@ pub fn test() -> Result {
     build.env("CARGO", root().join("python/tests/cargo.sh"));
     let wheel = wheel(&folder().join("wheels"), build)?;
     run(tool("pip", &["install", "--quiet", "--no-index", "--no-deps", "--force-reinstall"]).arg(wheel))?;
+    let oldest = format!("{}.{}", OLDEST.0, OLDEST.1);
+    run(&mut tool("mypy", &["--strict", "--python-version", &oldest, "--package", "rotorlead"]))?;
     run(&mut tool("mypy", &["--strict", "python/example.py"]))?;
-    run(&mut tool("stubtest", &["rotorlead"]))?;
+    run(&mut tool("stubtest", &["rotorlead._native"]))?;
+    draws_nothing()?;
     let mut tests = tool("python", &["-m", "unittest", "discover", "--start-directory", "python/tests"]);
     run(tests.env("ROTORLEAD", target_folder().join("debug/rotorlead")))
+}
+
+/// Refuses a wheel with a plotter or a font: figures go to Python as numbers.
+fn draws_nothing() -> Result {
+    let linked = output(&mut cargo(&[
+        "tree",
+        "--locked",
+        "--package",
+        "rotorlead-python",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+    ]));
+    let linked = linked.ok_or("cargo tree says nothing")?;
+    match linked.lines().find(|line| ["plotters ", "notosans "].iter().any(|name| line.starts_with(name))) {
+        Some(package) => Err(format!("the Python package links {package}")),
+        None => Ok(()),
+    }
 }
 
 /// A call of maturin for the package.

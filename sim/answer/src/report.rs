@@ -1,10 +1,12 @@
 //! A report of a run: words, tables and figures.
 
+use serde::{Deserialize, Serialize};
+
 use super::figure::Figure;
 use super::table::Table;
 
 /// All that a report says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// What kind of report it is.
     pub kind: String,
@@ -23,7 +25,7 @@ pub struct Report {
 }
 
 /// What came out, in words.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verdict {
     /// How good the news is.
     pub tone: Tone,
@@ -34,7 +36,7 @@ pub struct Verdict {
 }
 
 /// How good news are; also said in the words, since color alone says nothing to some.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Tone {
     /// Neither good nor bad.
     #[default]
@@ -48,7 +50,7 @@ pub enum Tone {
 }
 
 /// A name and what it is.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fact {
     /// What is stated.
     pub name: String,
@@ -57,7 +59,7 @@ pub struct Fact {
 }
 
 /// A part with its own heading.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// Name of the place within the file.
     pub name: String,

@@ -7,13 +7,11 @@ use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
 use rotorlead_answer::{Fact, Report};
 use rotorlead_design::{Chain, steps};
-use rotorlead_identify::lag::multisine::{PeriodicOptions, identify_periodic};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::AcceptedRange;
-use rotorlead_results::{BandwidthResult, Chosen, Designed, MeasuredRecords, in_short};
+use rotorlead_results::{BandwidthResult, Chosen, Designed, MeasuredRecords, deviations, in_short};
 
-use super::deviations::deviations;
 use super::latency::LatencyArguments;
 use super::model_argument::ModelArgument;
 use super::outcome::{JsonOption, Outcome};
@@ -99,10 +97,24 @@ impl Bandwidth {
             found.steps = Some(steps(&model, design, esc_frame_hz, &self.steps).wrap_err_with(not_simulated)?);
         }
         if let Some(design) = design.as_ref().filter(|_| self.robustness) {
-            found.robustness = Some(deviations(&model, design, esc_frame_hz).wrap_err_with(not_simulated)?);
+            let bar = progress::bar("deviating", 0);
+            let progress = |count: usize| {
+                bar.set_length(count as u64);
+                || bar.inc(1)
+            };
+            found.robustness = Some(deviations(&model, design, esc_frame_hz, progress).wrap_err_with(not_simulated)?);
+            bar.finish_and_clear();
         }
         if !self.records.is_empty() {
-            found.measured = Some(self.measure()?);
+            let mut measured = MeasuredRecords::default();
+            for folder in &self.records {
+                measured.extend(progress::over_files("measuring", &[folder], || -> miette::Result<_> {
+                    MeasuredRecords::from_experiment(&Experiment::read(folder)?)
+                        .map_err(miette::Report::from)
+                        .wrap_err_with(|| format!("`{}`", folder.display()))
+                })?);
+            }
+            found.measured = Some(measured);
         }
         let answer = found.answer(&model, chain);
         let report = self.report.write(|| {
@@ -123,23 +135,6 @@ impl Bandwidth {
             Report { facts, ..report_pages::answer_page("Bandwidth", title, &answer) }
         })?;
         Ok(Outcome::from_answer(&answer, &report))
-    }
-
-    /// The bandwidths that the records show. Without and with compensator may be in different folders.
-    fn measure(&self) -> miette::Result<MeasuredRecords> {
-        let mut measured = MeasuredRecords::default();
-        for folder in &self.records {
-            let found = progress::over_files("measuring", &[folder], || -> miette::Result<_> {
-                let experiment = Experiment::read(folder)?;
-                identify_periodic(&experiment, &PeriodicOptions::default())
-                    .and_then(|found| MeasuredRecords::measure(&found))
-                    .map_err(miette::Report::from)
-                    .wrap_err_with(|| format!("`{}`", folder.display()))
-            })?;
-            measured.bandwidths.extend(found.bandwidths);
-            measured.nominals.extend(found.nominals);
-        }
-        Ok(measured)
     }
 }
 

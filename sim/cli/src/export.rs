@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
-use rotorlead_export::{ExportSettings, Exported, ExportedValues, Exporter, Refusal, Stack, StackOptions, Target};
+use rotorlead_export::{ExportSettings, Exported, ExportedValues, Exporter, Refusal, StackOptions, Target};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::files::{AcceptedRange, OutputFolder, check_writable, write_file};
 use rotorlead_records::{Experiment, Finding};
@@ -168,27 +168,20 @@ impl Export {
 
     /// Refuses options that nothing depends on which is asked for.
     fn check_use(&self, target: Target) -> Result<(), UsageError> {
-        let (name, stack) = (target.name(), target.stack());
-        let is = |has: fn(Stack) -> bool| stack.is_some_and(has);
-        let refuse = |option: &str, of: &str| {
-            Err(UsageError::new(format!("{option} is {of}, and {name} has none"), format!("leave {option} out")))
-        };
-        if self.at.is_some() && stack.is_some_and(|stack| !stack.has_time_constant()) {
-            return refuse("--at", "the command of a time constant");
+        let given = [
+            (self.at.is_some(), "--at"),
+            (self.output_range.is_some(), "--output-range"),
+            (self.step_rate.is_some(), "--step-rate"),
+            (self.motors.is_some(), "--motors"),
+            (self.compensator.is_some(), "--compensator"),
+        ];
+        for (_, option) in given.into_iter().filter(|(is_given, _)| *is_given) {
+            if let Some(purpose) = target.foreign(option) {
+                let message = format!("{option} is {purpose}, and {} has none", target.name());
+                return Err(UsageError::new(message, format!("leave {option} out")));
+            }
         }
-        if self.output_range.is_some() && !is(|stack| stack.output_range().is_some()) {
-            return refuse("--output-range", "for thrust curves and the highest speed");
-        }
-        if self.step_rate.is_some() && !is(Stack::has_step) {
-            return refuse("--step-rate", "for the steps of a simulator");
-        }
-        if self.motors.is_some() && !is(Stack::is_per_motor) {
-            return refuse("--motors", "for parameters of each motor");
-        }
-        if self.compensator.is_some() && stack.is_some() {
-            return refuse("--compensator", "for frequency responses");
-        }
-        if stack.is_none() && self.records.is_none() {
+        if target.stack().is_none() && self.records.is_none() {
             return Err(UsageError::new("no frequency response without records", "add --records DIR"));
         }
         if !target.is_text() && self.out.is_none() {

@@ -12,7 +12,7 @@ use rotorlead_identify::lag::steps::StepsError;
 use rotorlead_identify::stand::StandModel;
 use rotorlead_records::files::{check_writable, printable};
 use rotorlead_records::{Experiment, Finding};
-use rotorlead_results::{IdentifyResult, excitation_section, flight_section, recommendation_table, transform};
+use rotorlead_results::{IdentifyResult, transform};
 use serde_json::json;
 
 use super::identify_align::{AlignOptions, Aligned};
@@ -113,13 +113,9 @@ impl Identify {
             let model = self.out.as_deref().map(|out| report_pages::file("Model", out));
             let facts =
                 [report_pages::records(&experiment, self.measured.path()), stand.into_iter().chain(model).collect()];
-            let recommendation = &found.assessment.recommendation;
-            let recommended = recommendation.iter().map(flight_section);
-            let mut lags = answer.section();
-            lags.tables.extend(recommendation.iter().map(recommendation_table));
             Report {
                 facts: facts.concat(),
-                sections: recommended.chain([lags, excitation_section(&experiment)]).collect(),
+                sections: found.sections(&answer, &experiment),
                 ..report_pages::answer_page("Identification", format!("Identification of {}", experiment.name), &answer)
             }
         })?);

@@ -8,9 +8,10 @@ use miette::miette;
 use rotorlead_records::files::{FileError, OutputFolder};
 use rotorlead_records::import::{FORMATS, ImportOptions};
 use rotorlead_records::{Experiment, FleetList, FleetLog, Output};
+use rotorlead_results::{Logs, called_alike};
 use serde_json::json;
 
-use super::log_arguments::{LogArguments, Logs, bytes, called_alike, responses};
+use super::log_arguments::{LogArguments, bytes, logs_text, responses};
 use super::outcome::{JsonOption, Outcome};
 use super::progress;
 
@@ -85,7 +86,7 @@ impl Import {
         if let (None, [_, _, ..], Some(folder)) = (&self.name, &self.files[..], self.out.file_name()) {
             logs.experiment.name = folder.to_string_lossy().into_owned();
         }
-        let text = logs.text();
+        let text = logs_text(&logs);
         let Logs { experiment, summaries, findings } = logs;
         let is_added = self.write(experiment, is_added)?;
         bar.finish_and_clear();
@@ -119,7 +120,7 @@ impl Import {
         let (mut summaries, mut findings) = (Vec::new(), Vec::new());
         for file in &self.files {
             for log in self.logs.read_motors(file, options, &bar)? {
-                text.push_str(&log.text());
+                text.push_str(&logs_text(&log));
                 text.push('\n');
                 // As its record is called, which is a name on every system.
                 let record = &log.experiment.records[0].file;

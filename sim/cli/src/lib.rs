@@ -7,7 +7,6 @@ mod compare;
 mod completions;
 mod demo;
 mod design;
-mod deviations;
 mod device;
 mod diagnose;
 mod excite;

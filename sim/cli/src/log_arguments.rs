@@ -7,14 +7,13 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use indicatif::ProgressBar;
 use miette::{Diagnostic as _, miette};
 use rotorlead_answer::{Cell, Column, Table};
-use rotorlead_identify::check::check_record;
-use rotorlead_records::Finding;
 use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::{
-    ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, import,
-    import_motors,
+    ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, OptionsFault,
+    import, import_motors,
 };
-use rotorlead_records::{Excitation, Experiment, Output};
+use rotorlead_records::{Excitation, Output};
+use rotorlead_results::Logs;
 
 use super::UsageError;
 use super::parameters::{number, range};
@@ -74,15 +73,6 @@ pub struct LogArguments {
     log: Option<usize>,
 }
 
-/// Logs that were read.
-pub struct Logs {
-    /// A record of each.
-    pub experiment: Experiment,
-    pub summaries: Vec<ImportSummary>,
-    /// What of the records an identification refuses.
-    pub findings: Vec<Finding>,
-}
-
 impl LogArguments {
     /// The same for the importer. What the command itself says, such as the response, is added to that.
     pub fn options(&self) -> ImportOptions {
@@ -105,29 +95,23 @@ impl LogArguments {
 
     /// Reads logs into one experiment, with a record of each. `bar` goes on by the bytes read.
     pub fn read(&self, files: &[PathBuf], options: &ImportOptions, bar: &ProgressBar) -> miette::Result<Logs> {
-        self.check()?;
-        let (mut whole, mut summaries): (Option<Experiment>, Vec<ImportSummary>) = (None, Vec::new());
-        for file in files {
+        check(options)?;
+        Logs::read(files, !options.without_command, |file| {
             let log = import(file, options).map_err(with_next_command)?;
-            self.check_options(file, &log.summary)?;
-            match &mut whole {
-                None => whole = Some(log.experiment),
-                Some(whole) => join(whole, log.experiment, &summaries[0].file, file)?,
-            }
-            summaries.push(log.summary);
+            check_use(options, file, &log.summary)?;
             bar.inc(bytes(file));
-        }
-        let experiment = whole.ok_or_else(|| UsageError::new("no log is given", "give one or more"))?;
-        Ok(Logs::new(experiment, summaries, options))
+            Ok(log)
+        })
     }
 
     /// Reads a log into an experiment for each of its motors that moves.
     pub fn read_motors(&self, file: &Path, options: &ImportOptions, bar: &ProgressBar) -> miette::Result<Vec<Logs>> {
-        self.check()?;
+        check(options)?;
         let motors = import_motors(file, options).map_err(with_next_command)?;
-        motors.iter().try_for_each(|log| self.check_options(file, &log.summary))?;
+        motors.iter().try_for_each(|log| check_use(options, file, &log.summary))?;
         bar.inc(bytes(file));
-        Ok(motors.into_iter().map(|log| Logs::new(log.experiment, vec![log.summary], options)).collect())
+        let with_command = !options.without_command;
+        Ok(motors.into_iter().map(|log| Logs::new(log.experiment, vec![log.summary], with_command)).collect())
     }
 
     /// Refuses options about a log where an experiment's folder is given.
@@ -154,97 +138,41 @@ impl LogArguments {
             Err(UsageError::new(message, format!("leave {option} out: experiment.toml says it; or give a log")))
         })
     }
-
-    /// Refuses options that do not go together, whatever the logs are.
-    fn check(&self) -> Result<(), UsageError> {
-        for (index, choice) in self.column.iter().enumerate() {
-            for other in &self.column[..index] {
-                if choice.quantity == other.quantity {
-                    let message = format!("--column says twice which column is the {}", choice.quantity.name());
-                    return Err(UsageError::new(message, "leave one of the two out"));
-                }
-                if choice.header == other.header {
-                    let (one, two) = (other.quantity.name(), choice.quantity.name());
-                    let message = format!("--column says that `{}` is both the {one} and the {two}", choice.header);
-                    return Err(UsageError::new(message, "leave one of the two out"));
-                }
-            }
-        }
-        let is_periodic = self.excitation.is_some_and(Excitation::is_periodic);
-        match (self.excitation, self.period_s) {
-            (Some(excitation), None) if is_periodic => Err(UsageError::new(
-                format!("--excitation {} needs --period", excitation.name()),
-                next_command("say after how many seconds the command repeats", &[MissingOption::period()]),
-            )),
-            (_, Some(_)) if !is_periodic => Err(UsageError::new(
-                "--period goes with --excitation multisine, square or triangle alone",
-                "leave --period out, or say which of them the command is",
-            )),
-            _ => Ok(()),
-        }
-    }
-
-    /// Refuses options that the log has no use for.
-    fn check_options(&self, file: &Path, log: &ImportSummary) -> Result<(), UsageError> {
-        let format = log.format;
-        let refuse = |option: &str, reason: &str| {
-            let message = format!("{option} does not go with `{}`: {reason}", file.display());
-            Err(UsageError::new(message, format!("leave {option} out")))
-        };
-        if self.motor.is_some() && !log.has_motors {
-            return refuse("--motor", "it has one motor, and no column that says which");
-        }
-        if self.log.is_some() && !format.has_several_logs {
-            return refuse("--log", "it is of a format that has one log in a file");
-        }
-        if self.pulse_us.is_some() && !log.pulse_widths {
-            return refuse("--pulse-us", "its command is a duty already, no pulse width");
-        }
-        if !self.column.is_empty() && !format.has_stated_columns {
-            return refuse("--column", "it is no table of text");
-        }
-        if self.rate.is_some() && !format.has_stated_columns {
-            return refuse("--rate", "its rows have times");
-        }
-        if self.motor_poles.is_some() && !log.is_electrical {
-            return refuse("--motor-poles", "its speed is the rotor's already");
-        }
-        Ok(())
-    }
 }
 
-impl Logs {
-    fn new(experiment: Experiment, summaries: Vec<ImportSummary>, options: &ImportOptions) -> Self {
-        // What else may be wrong is for `rotorlead check`, which sees all records together.
-        // Of a log without its command that is after it is merged.
-        let records = experiment.records.iter().filter(|_| !options.without_command).enumerate();
-        let findings = records.flat_map(|(place, record)| {
-            // All motors of a flight are of one log.
-            let log = summaries.get(place).unwrap_or(&summaries[0]);
-            let found = check_record(&experiment, record, false).into_iter().filter(Finding::is_grave);
-            found.map(|finding| log.with_source(finding, experiment.output.column())).collect::<Vec<_>>()
-        });
-        Self { findings: findings.collect(), experiment, summaries }
-    }
+/// Refuses options that do not go together, whatever the logs are.
+fn check(options: &ImportOptions) -> Result<(), UsageError> {
+    options.check().map_err(|OptionsFault { message, help, missing }| {
+        let help = if missing.is_empty() { help } else { next_command(&help, &missing) };
+        UsageError::new(message, help)
+    })
+}
 
-    /// What was found in each log, taken and guessed, in words.
-    pub fn text(&self) -> String {
-        self.in_words(|summary| describe(summary) + &notes(summary))
-    }
+/// Refuses options that the log has no use for.
+fn check_use(options: &ImportOptions, file: &Path, log: &ImportSummary) -> Result<(), UsageError> {
+    options.unused_in(log).map_or(Ok(()), |(option, reason)| {
+        let message = format!("{option} does not go with `{}`: {reason}", file.display());
+        Err(UsageError::new(message, format!("leave {option} out")))
+    })
+}
 
-    /// What of that bears on the numbers.
-    pub fn in_short(&self) -> String {
-        self.in_words(|summary| taken(summary) + &notes(summary))
-    }
+/// What was found in each log, taken and guessed, in words.
+pub fn logs_text(logs: &Logs) -> String {
+    in_words(logs, |summary| describe(summary) + &notes(summary))
+}
 
-    fn in_words(&self, of: impl Fn(&ImportSummary) -> String) -> String {
-        let mut text = self.summaries.iter().map(of).collect::<Vec<_>>().join("\n");
-        if !self.findings.is_empty() {
-            text.push('\n');
-            text.extend(self.findings.iter().map(remark));
-        }
-        text
+/// What of that bears on the numbers.
+pub fn logs_in_short(logs: &Logs) -> String {
+    in_words(logs, |summary| taken(summary) + &notes(summary))
+}
+
+fn in_words(logs: &Logs, of: impl Fn(&ImportSummary) -> String) -> String {
+    let mut text = logs.summaries.iter().map(of).collect::<Vec<_>>().join("\n");
+    if !logs.findings.is_empty() {
+        text.push('\n');
+        text.extend(logs.findings.iter().map(remark));
     }
+    text
 }
 
 /// The length of a log; zero where it cannot be read, of which reading it complains.
@@ -275,37 +203,6 @@ pub fn with_other_excitation(error: impl std::fmt::Display) -> miette::Report {
 /// A remedy with the whole command.
 fn next_command(remedy: &str, missing: &[MissingOption]) -> String {
     format!("{remedy}. The whole command, with what is in capitals filled in:\n{}", this_command_with(missing))
-}
-
-/// Adds the record of `added`, a log, to those of the logs before it, of which the first is `first`.
-fn join(whole: &mut Experiment, added: Experiment, first: &Path, file: &Path) -> miette::Result<()> {
-    if added.output != whole.output {
-        return Err(miette!(
-            help = "choose one with --response, import them into different folders, or state with --column what is missing",
-            "`{}` and `{}` do not have the same response: it is the thrust of one and the rpm of the other",
-            first.display(),
-            file.display()
-        ));
-    }
-    // Rates that are measured differ; each record's times say its own.
-    if added.sample_rate_hz != whole.sample_rate_hz {
-        whole.sample_rate_hz = None;
-    }
-    for record in added.records {
-        if whole.records.iter().any(|other| other.file == record.file) {
-            return Err(called_alike(&record.file));
-        }
-        whole.records.push(record);
-    }
-    Ok(())
-}
-
-/// Two logs of one name.
-pub fn called_alike(name: &str) -> miette::Report {
-    miette!(
-        help = "give one of the logs another name: a record is called as its log",
-        "two records would be called `{name}`"
-    )
 }
 
 /// How many rows there are.

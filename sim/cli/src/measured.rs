@@ -10,7 +10,7 @@ use rotorlead_records::import::{ImportOptions, ImportSummary};
 use rotorlead_records::{Experiment, LongRecord, Output};
 
 use super::UsageError;
-use super::log_arguments::{LogArguments, responses};
+use super::log_arguments::{LogArguments, logs_in_short, logs_text, responses};
 use super::report_option::{arguments, typed};
 
 /// What the folder of a log is called in commands that are proposed.
@@ -143,7 +143,7 @@ impl Reader {
         let options = ImportOptions { output: self.response, without_command: !with_command, ..self.log.options() };
         // The command has a bar of its own.
         let logs = self.log.read(slice::from_ref(&path.to_owned()), &options, &ProgressBar::hidden())?;
-        let (text, detail) = (logs.in_short(), logs.text());
+        let (text, detail) = (logs_in_short(&logs), logs_text(&logs));
         let mut experiment = logs.experiment;
         for record in experiment.records.iter_mut().filter(|_| !with_command) {
             record.command = vec![0.0; record.time_s.len()];

@@ -41,6 +41,14 @@ impl Model {
         Ok(Self::checked(TomlFile::read(path)?)?.0)
     }
 
+    /// As [`Self::read_with_map_alone`], of a text that is here already.
+    ///
+    /// # Errors
+    /// As [`Self::read_with_map_alone`].
+    pub fn parse_with_map_alone(text: TextFile) -> Result<Self, FileError> {
+        Ok(Self::checked(TomlFile::parse(text)?)?.0)
+    }
+
     fn checked((model, file): (Self, TomlFile)) -> Result<(Self, TomlFile), FileError> {
         model.check().map_err(|fault| file.show(&fault))?;
         Ok((model, file))

@@ -16,6 +16,7 @@ use swatch::swatch;
 
 use crate::figure::FigureError;
 use crate::figure::interactive::{LIBRARY, LICENSE, plots};
+#[cfg(feature = "drawing")]
 use crate::figure::still::still;
 use crate::markup::escape_markup;
 
@@ -63,8 +64,9 @@ struct DrawnSection<'a> {
 }
 
 impl<'a> DrawnSection<'a> {
-    fn new(section: &'a Section) -> Result<Self, FigureError> {
-        let figures = section.figures.iter().map(DrawnFigure::new).collect::<Result<Vec<_>, _>>()?;
+    fn new(section: &'a Section, still: Still) -> Result<Self, FigureError> {
+        let drawn = |figure| Ok(DrawnFigure { figure, still: still(figure)? });
+        let figures = section.figures.iter().map(drawn).collect::<Result<Vec<_>, _>>()?;
         Ok(Self { name: &section.name, title: &section.title, text: &section.text, tables: &section.tables, figures })
     }
 }
@@ -80,10 +82,6 @@ struct Entry<'a> {
 }
 
 impl<'a> DrawnFigure<'a> {
-    fn new(figure: &'a Figure) -> Result<Self, FigureError> {
-        Ok(Self { figure, still: still(figure)? })
-    }
-
     fn name(&self) -> &str {
         &self.figure.name
     }
@@ -151,12 +149,25 @@ fn class(tone: &Tone) -> &'static str {
     }
 }
 
+/// What draws a figure for who sees the page without scripts, or on paper: an element of HTML, which is written as it is.
+type Still<'a> = &'a dyn Fn(&Figure) -> Result<String, FigureError>;
+
 /// The whole file.
 ///
 /// # Errors
 /// When a figure cannot be drawn.
+#[cfg(feature = "drawing")]
 pub fn html(report: &Report) -> Result<String, FigureError> {
-    let sections = report.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
+    html_with_stills(report, &still)
+}
+
+/// The whole file, with each figure as `still` draws it beside the interactive one.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn html_with_stills(report: &Report, still: Still) -> Result<String, FigureError> {
+    let drawn = |section| DrawnSection::new(section, still);
+    let sections = report.sections.iter().map(drawn).collect::<Result<Vec<_>, _>>()?;
     let figures = || report.sections.iter().flat_map(|section| &section.figures);
     let plots = figures().map(plots).collect::<Result<Vec<_>, _>>()?.concat();
     let page = Page {

@@ -4,5 +4,9 @@ mod figure;
 mod html;
 mod markup;
 
-pub use figure::{FigureError, is_drawn, png, svg};
+pub use figure::FigureError;
+#[cfg(feature = "drawing")]
+pub use figure::{is_drawn, png, svg};
+#[cfg(feature = "drawing")]
 pub use html::html;
+pub use html::html_with_stills;

@@ -17,8 +17,10 @@ mod fleet;
 mod identify;
 mod json_object;
 mod latency;
+mod logs;
 mod number;
 mod overview;
+mod pages;
 pub mod paper;
 mod recommendation;
 mod redesign;
@@ -29,7 +31,9 @@ mod unit;
 mod validation;
 mod vehicle;
 
-pub use bandwidth::{BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range};
+pub use bandwidth::{
+    BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range, deviations,
+};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use caveats::{judged, warn_of_another_model};
 pub use check::check_answer;
@@ -44,8 +48,10 @@ pub use figures::bode::{Band, Curve, bode};
 pub use figures::excitation::{crest_factor, excitation};
 pub use fleet::{FleetRow, fleet_answer};
 pub use identify::{IdentifyResult, points_table, transform};
+pub use logs::{Logs, called_alike};
 pub use number::parameter_with_std;
 pub use overview::{Asked, Overview, Watch, lags};
+pub use pages::{answer_page, file_fact, records_facts, version_fact};
 pub use recommendation::{
     JudgementValues, flight_section, judged_verdict, recommendation_table, to_fly_in_short, tone,
 };

@@ -6,9 +6,10 @@ mod kind;
 use std::f64::consts::TAU;
 
 pub use kind::FigureKind;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Panels above each other under one title.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// File name without its end; unique in a report.
     pub name: String,
@@ -23,7 +24,7 @@ pub struct Figure {
 }
 
 /// One pair of axes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Panel {
     /// What sets it apart from the figure's other panels; may be empty.
     pub title: String,
@@ -40,7 +41,7 @@ pub struct Panel {
 }
 
 /// One axis.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Axis {
     /// The quantity.
     pub label: String,
@@ -55,7 +56,7 @@ pub struct Axis {
 }
 
 /// How values are laid out along an axis.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Scale {
     /// Evenly.
     Linear,
@@ -68,7 +69,7 @@ pub enum Scale {
 }
 
 /// The same axis in another unit, drawn on its other side.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SecondaryAxis {
     /// The quantity.
     pub label: String,
@@ -79,7 +80,7 @@ pub struct SecondaryAxis {
 }
 
 /// One curve, cloud of points, or set of bars.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Series {
     /// What it is; unique in its panel.
     pub name: String,
@@ -90,15 +91,17 @@ pub struct Series {
     /// How points are drawn.
     pub mark: Mark,
     /// Value along x and along y. Points that are not finite, or not above zero on a logarithmic axis, are left out.
+    #[serde(deserialize_with = "pairs")]
     pub points: Vec<(f64, f64)>,
     /// Lower and upper end of the band around each point; empty for none.
+    #[serde(deserialize_with = "pairs")]
     pub band: Vec<(f64, f64)>,
     /// A few words at each point; empty for none.
     pub notes: Vec<String>,
 }
 
 /// How points are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mark {
     /// Joined by a line.
     Line,
@@ -119,7 +122,8 @@ pub enum Mark {
 }
 
 /// Colors that stay apart for most color-blind eyes: Okabe and Ito's palette without its yellow, which fades on white.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "[u8; 3]", try_from = "[u8; 3]")]
 pub enum Color {
     /// The first choice.
     Blue,
@@ -138,7 +142,7 @@ pub enum Color {
 }
 
 /// Colors over rectangles of a panel whose y axis has names.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeatMap {
     /// What the color means.
     pub label: String,
@@ -149,7 +153,7 @@ pub struct HeatMap {
 }
 
 /// One rectangle of a [`HeatMap`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeatCell {
     /// From where to where along x.
     pub x: (f64, f64),
@@ -157,6 +161,12 @@ pub struct HeatCell {
     pub row: usize,
     /// What the color shows.
     pub value: f64,
+}
+
+/// Pairs of numbers. JSON has null for what is not finite.
+fn pairs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(f64, f64)>, D::Error> {
+    let pairs: Vec<(Option<f64>, Option<f64>)> = Deserialize::deserialize(deserializer)?;
+    Ok(pairs.into_iter().map(|(one, other)| (one.unwrap_or(f64::NAN), other.unwrap_or(f64::NAN))).collect())
 }
 
 impl Axis {
@@ -287,6 +297,21 @@ impl Color {
             Self::Orange => [230, 159, 0],
             Self::Gray => [118, 118, 118],
         }
+    }
+}
+
+impl From<Color> for [u8; 3] {
+    fn from(color: Color) -> Self {
+        color.rgb()
+    }
+}
+
+impl TryFrom<[u8; 3]> for Color {
+    type Error = String;
+
+    fn try_from(rgb: [u8; 3]) -> Result<Self, String> {
+        let mut colors = Self::CYCLE.into_iter().chain([Self::Gray]);
+        colors.find(|color| color.rgb() == rgb).ok_or_else(|| format!("{rgb:?} is no color of a series"))
     }
 }
 

@@ -5,12 +5,13 @@ mod typed;
 
 pub use typed::{CellValue, ColumnSpec, Unit, build_table, with_std};
 
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::json;
 
 use crate::escape;
 
 /// A table with a heading for each column.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Table {
     /// File name without its end; unique in a report.
     pub name: String,
@@ -25,11 +26,12 @@ pub struct Table {
     /// Who sees it.
     pub weight: Audience,
     /// The key of its rows for programs; `None` where they are none's.
+    #[serde(skip_deserializing)]
     pub key: Option<&'static str>,
 }
 
 /// Who sees a table, beside the report, which shows all but those for programs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Audience {
     /// Whoever asks.
     #[default]
@@ -43,9 +45,10 @@ pub enum Audience {
 }
 
 /// A column's heading.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
     /// Its name in a CSV file, with the unit in it.
+    #[serde(skip_deserializing)]
     pub name: &'static str,
     /// Its heading.
     pub heading: String,
@@ -56,7 +59,7 @@ pub struct Column {
 }
 
 /// One cell.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// What is shown.
     pub text: String,
@@ -65,16 +68,21 @@ pub struct Cell {
 }
 
 /// What is behind a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Value {
     /// Nothing but its words.
     Words,
     /// A number.
-    Number(f64),
+    Number(#[serde(deserialize_with = "number")] f64),
     /// A number and its standard error, as far as that is known.
-    Estimate(f64, Option<f64>),
+    Estimate(#[serde(deserialize_with = "number")] f64, Option<f64>),
     /// No number, where others of the column have one.
     Unknown,
+}
+
+/// A number. JSON has null for what is not finite.
+fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 impl Column {

@@ -78,4 +78,20 @@ impl Target {
             Self::Frequency(_) => None,
         }
     }
+
+    /// What an option of the command line is for, where nothing of this target depends on it.
+    #[must_use]
+    pub fn foreign(self, option: &str) -> Option<&'static str> {
+        let stack = self.stack();
+        let is = |has: fn(Stack) -> bool| stack.is_some_and(has);
+        let (has, purpose) = match option {
+            "--at" => (stack.is_none_or(Stack::has_time_constant), "the command of a time constant"),
+            "--output-range" => (is(|stack| stack.output_range().is_some()), "for thrust curves and the highest speed"),
+            "--step-rate" => (is(Stack::has_step), "for the steps of a simulator"),
+            "--motors" => (is(Stack::is_per_motor), "for parameters of each motor"),
+            "--compensator" => (stack.is_none(), "for frequency responses"),
+            _ => return None,
+        };
+        (!has).then_some(purpose)
+    }
 }

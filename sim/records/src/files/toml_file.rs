@@ -137,9 +137,10 @@ impl TomlFile {
     fn refused(&self, error: &toml::de::Error) -> FileError {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
+        let root = || DeTable::parse(self.text.text()).ok().map(|root| DeValue::Table(root.into_inner()));
+        let place = || root().and_then(|root| find_place(&root, &span, KeyPath::root())).unwrap_or_default();
         if let Some(kinds) = WrongKind::from_message(message) {
-            let root = DeTable::parse(self.text.text()).ok().map(|root| DeValue::Table(root.into_inner()));
-            let place = root.and_then(|root| find_place(&root, &span, KeyPath::root())).unwrap_or_default();
+            let place = place();
             let fault = place.fault(format!("{} where {} is needed", kinds.found, kinds.needed), kinds.remedy);
             return self.text.complaint(span, fault.to_string(), "here", fault.help);
         }
@@ -147,7 +148,10 @@ impl TomlFile {
             let message = format!("this is {}, and {} is needed", found.name, needed.name);
             return self.text.complaint(span, message, "here", format!("give another file: {}", needed.source));
         }
-        self.text.complaint(span, message, "here", remedy(message))
+        // An unknown key is shown itself, of a missing one the table that lacks it.
+        let fault = if message.starts_with("missing field") { place() } else { KeyPath::root() };
+        let fault = fault.fault(message, remedy(message));
+        self.text.complaint(span.clone(), fault.to_string(), "here", fault.help)
     }
 
     /// What the file is and what is needed, where its keys and those that are expected say that these are two things.
@@ -232,7 +236,8 @@ impl FileKind {
 /// The way to the value that stands at `span`.
 fn find_place(value: &DeValue<'_>, span: &Range<usize>, place: KeyPath) -> Option<KeyPath> {
     let within = |found: Range<usize>, value: &DeValue<'_>, place: KeyPath| {
-        if found == *span { Some(place) } else { find_place(value, span, place) }
+        // A table in a list stands where the list does, if it is the first.
+        find_place(value, span, place.clone()).or_else(|| (found == *span).then_some(place))
     };
     match value {
         DeValue::Table(table) => {

@@ -31,6 +31,7 @@ mod table;
 mod tare;
 mod ulog;
 mod ulog_messages;
+mod unused;
 mod vesc;
 
 use std::fs::File;
@@ -43,6 +44,7 @@ pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
+pub use unused::OptionsFault;
 
 use super::{CommandLog, Excitation, Experiment, Output, Record, Setpoints};
 use described::Described;

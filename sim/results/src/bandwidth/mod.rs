@@ -1,9 +1,11 @@
 //! Bandwidths: what is predicted of a model in a chain, and what records show beside it.
 
+mod deviations;
 mod notes;
 pub(crate) mod tables;
 mod verdict;
 
+pub use deviations::deviations;
 pub use tables::{DeviatingActuator, bandwidth_cell, bandwidth_text};
 pub use verdict::{bandwidth_range, predicted_bandwidth};
 
@@ -11,10 +13,12 @@ use rotorlead_answer::{Answer, Section, Table, Verdict};
 use rotorlead_design::{BandwidthPoint, Chain, ChainPhase, Latency, StepPoint, bandwidths_with, chain_phases};
 use rotorlead_identify::error::IdentifyError;
 use rotorlead_identify::lag::multisine::MeasuredBandwidth;
-use rotorlead_identify::lag::multisine::{NominalIdentification, PeriodicIdentification};
+use rotorlead_identify::lag::multisine::{
+    NominalIdentification, PeriodicIdentification, PeriodicOptions, identify_periodic,
+};
 use rotorlead_plant::effect::Linearity;
 use rotorlead_plant::{ActiveEffect, Model, PlantError};
-use rotorlead_records::Finding;
+use rotorlead_records::{Experiment, Finding};
 use serde_json::{Map, Value, json};
 
 use self::tables::bandwidth_values;
@@ -67,6 +71,20 @@ impl MeasuredRecords {
     /// Those of [`PeriodicIdentification::bandwidths`].
     pub fn measure(found: &PeriodicIdentification) -> Result<Self, IdentifyError> {
         Ok(Self { bandwidths: found.bandwidths(RESAMPLES, SEED)?, nominals: found.nominals.clone() })
+    }
+
+    /// Measures those of the multisines of an experiment.
+    ///
+    /// # Errors
+    /// Those of [`identify_periodic`] and [`PeriodicIdentification::bandwidths`].
+    pub fn from_experiment(experiment: &Experiment) -> Result<Self, IdentifyError> {
+        Self::measure(&identify_periodic(experiment, &PeriodicOptions::default())?)
+    }
+
+    /// Adds those of another experiment: without and with compensator may be in different ones.
+    pub fn extend(&mut self, other: Self) {
+        self.bandwidths.extend(other.bandwidths);
+        self.nominals.extend(other.nominals);
     }
 }
 

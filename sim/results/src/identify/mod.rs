@@ -11,7 +11,7 @@ pub use tables::points_table;
 
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_answer::words::sentence;
-use rotorlead_answer::{Answer, Audience, Figure, Table, Verdict};
+use rotorlead_answer::{Answer, Audience, Figure, Section, Table, Verdict};
 use rotorlead_assess::{Assessment, AssessmentContext, assess};
 use rotorlead_diagnose::Diagnosis;
 use rotorlead_identify::error::IdentifyError;
@@ -28,10 +28,11 @@ use self::headline::headline;
 use self::intervals::intervals;
 use super::diagnosis::found_in_short;
 use super::distortion::{DistortionValues, distortion_table};
+use super::experiment::excitation_section;
 use super::figures::etfe::responses;
 use super::figures::static_map::static_map;
 use super::figures::steps::{steps, time_constant_curve};
-use super::recommendation::{JudgementValues, recommendation_table, to_fly_in_short, tone};
+use super::recommendation::{JudgementValues, flight_section, recommendation_table, to_fly_in_short, tone};
 use crate::json_object::json_object;
 
 /// An identification, and what follows from it and its records.
@@ -121,6 +122,15 @@ impl IdentifyResult {
             figures: figures(identified, experiment),
             values: self.values(output, JudgementValues::new(judgement, recommendation.as_ref())),
         }
+    }
+
+    /// The parts of a report: what to fly, the answer with what that was chosen from, and what was played.
+    #[must_use]
+    pub fn sections(&self, answer: &Answer, experiment: &Experiment) -> Vec<Section> {
+        let recommendation = &self.assessment.recommendation;
+        let mut lags = answer.section();
+        lags.tables.extend(recommendation.iter().map(recommendation_table));
+        recommendation.iter().map(flight_section).chain([lags, excitation_section(experiment)]).collect()
     }
 
     /// The lag, whether a compensator may be built on it, what to fly, and what speaks against it.

@@ -1,17 +1,21 @@
-//! `--robustness` of `rotorlead bandwidth`: compensators on actuators that differ from their model.
+//! Compensators on actuators that differ from their model.
 
 use rayon::prelude::*;
 use rotorlead_design::{DEVIATIONS, DesignOptions, design, robustness};
 use rotorlead_plant::{CompensatorDesign, FilterDesign, Model};
-use rotorlead_results::DeviatingActuator;
 
-use super::progress;
+use super::DeviatingActuator;
 
-/// Of a compensator for `model`, and beside an inverse of the paper's lead, where the model gives one.
-pub fn deviations(
+/// Of a compensator for `model`, and beside an inverse of the paper's lead, where the model gives one. `progress` is given how many are
+/// simulated, and gives what is to be called after each.
+///
+/// # Errors
+/// When an actuator cannot be simulated.
+pub fn deviations<Step: Fn() + Sync>(
     model: &Model,
     given: &CompensatorDesign,
     esc_frame_hz: Option<f64>,
+    progress: impl FnOnce(usize) -> Step,
 ) -> miette::Result<Vec<DeviatingActuator>> {
     let lead = match given.kind {
         FilterDesign::Lead(_) => None,
@@ -20,13 +24,11 @@ pub fn deviations(
     let name = if given.as_lead().is_some() { "C(s)" } else { "inverse" };
     let compensators = std::iter::once((name, given)).chain(lead.iter().map(|lead| ("C(s)", lead)));
     let all: Vec<_> = compensators.flat_map(|each| DEVIATIONS.iter().map(move |deviation| (each, deviation))).collect();
-    let bar = progress::bar("deviating", all.len() as u64);
+    let step = progress(all.len());
     let found = all.into_par_iter().map(|((compensator, design), deviation)| {
         let found = robustness(model, design, deviation, esc_frame_hz)?;
-        bar.inc(1);
+        step();
         Ok(DeviatingActuator { compensator, deviation: deviation.name, found })
     });
-    let found = found.collect::<miette::Result<_>>()?;
-    bar.finish_and_clear();
-    Ok(found)
+    found.collect()
 }
