@@ -11,7 +11,6 @@ import inspect
 import runpy
 import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +97,8 @@ def rotorpy(_: Stand, speed: Stand) -> None:
 
 def crazyflow(_: Stand, speed: Stand) -> None:
     """A Crazyflie's first principles with the exported numbers in the place of its own, in the steps that its simulation takes."""
+    import tomllib
+
     from crazyflow.drones import Drone
     from crazyflow.dynamics import Dynamics
     from crazyflow.dynamics.core import load_params
