@@ -13,7 +13,7 @@ use crate::value::to_dict;
 
 /// What is in a file.
 enum Document {
-    Model(Model),
+    Model(Box<Model>),
     Compensator(Box<CompensatorDesign>),
     Plan(Plan),
 }
@@ -26,7 +26,7 @@ impl Document {
             Ok(plan)
         };
         match one_of("kind", kind, &[("model", 0), ("compensator", 1), ("plan", 2)])? {
-            0 => Ok(Self::Model(given.any_model()?.0)),
+            0 => Ok(Self::Model(Box::new(given.any_model()?.0))),
             1 => Ok(Self::Compensator(Box::new(given.compensator()?))),
             _ => Ok(Self::Plan(given.parsed("plan", plan)?.0)),
         }
@@ -37,7 +37,7 @@ impl Document {
 #[pyfunction]
 pub fn document<'py>(py: Python<'py>, kind: &str, given: Given<'py>) -> PyResult<Bound<'py, PyDict>> {
     match Document::new(kind, &given)? {
-        Document::Model(model) => to_dict(py, &model),
+        Document::Model(model) => to_dict(py, &*model),
         Document::Compensator(design) => to_dict(py, &design.stored()),
         Document::Plan(plan) => to_dict(py, &plan),
     }
