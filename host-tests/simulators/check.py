@@ -2,7 +2,7 @@
 
     python check.py ROTORLEAD [mujoco rotorpy crazyflow control matlab]
 
-Each simulator loads its file and plays the held-out record; its % fit has to be the one that the export prints, to a tenth of a percent.
+Each simulator loads its file and plays the held-out record; its % fit has to be the one that the export prints, to 0.05 %.
 """
 
 from __future__ import annotations

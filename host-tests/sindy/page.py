@@ -40,7 +40,7 @@ def is_near(name: str, hidden: str) -> bool:
 
 
 def verdict(case: Case, answer: Answer) -> str:
-    """`right`, `near`, `wrong` or `none`, by the first name."""
+    """`right` by the first name, `near` by any, `wrong` or `none`."""
     names = answer.names
     if not case.known:
         return "wrong" if names else "right"

@@ -76,7 +76,7 @@ pub fn export<'py>(
             let reasons = refused.iter().map(|refusal| format!("{}: {}", refusal.full_name(), refusal.why));
             miette!(
                 help = "docs/export.md says what each parameter is from, and what to record",
-                "`{}` tells none of the parameters: {}",
+                "nothing is known from `{}`: {}",
                 name.display(),
                 reasons.collect::<Vec<_>>().join("; ")
             )

@@ -207,6 +207,31 @@ class Gap:
     noise_floor: float
 
 
+@dataclass(frozen=True)
+class Ramp:
+    """How fast an ESC lets its command change in one direction, in % of the range in a millisecond."""
+
+    #: As found; NaN where no ramp shows.
+    rate_percent_per_ms: float
+    #: Ends of its 95 % interval; without a rate a slower ramp than `low` would have been seen. NaN where nothing is known.
+    low_percent_per_ms: float
+    high_percent_per_ms: float
+
+    @classmethod
+    def _from_json(cls, json: Object) -> Ramp:
+        return cls(*(number(json, f"{name}_percent_per_ms") for name in ("rate", "low", "high")))
+
+
+@dataclass(frozen=True)
+class EscRamp:
+    """The ramps of an ESC."""
+
+    #: Of a command that rises.
+    up: Ramp
+    #: Of one that falls.
+    down: Ramp
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Diagnosis(Answer):
     """What `diagnose` finds: the effects that a model lacks."""
@@ -218,7 +243,7 @@ class Diagnosis(Answer):
 
     @property
     def verdict(self) -> str:
-        """`agrees`, `named`, or what else docs/diagnose.md lists."""
+        """`agrees`, `named`, or what else docs/diagnosis.md lists."""
         return text(self._values, "verdict")
 
     @property
@@ -231,6 +256,12 @@ class Diagnosis(Answer):
         """How much simulation and measurement disagree."""
         gap = child(self._values, "gap")
         return Gap(number(gap, "before"), number(gap, "after"), number(gap, "noise_floor"))
+
+    @property
+    def esc_ramp(self) -> EscRamp:
+        """What ramp the ESC has."""
+        ramp = child(self._values, "esc_ramp")
+        return EscRamp(*(Ramp._from_json(child(ramp, direction)) for direction in ("up", "down")))
 
 
 @dataclass(frozen=True)
@@ -245,6 +276,25 @@ class ExportedParameter:
     unit: str
     #: What the stack takes it for.
     definition: str
+    #: The releases of the stack that take it so, where others do not; else empty.
+    releases: str
+
+
+@dataclass(frozen=True)
+class ReplayedRecord:
+    """A record as a simulator explains it with the exported numbers, beside the model."""
+
+    #: Version and settings of the simulator.
+    simulator: str
+    file: str
+    #: % fit of the simulator.
+    fit_percent: float
+    #: % fit of the model on the same rows.
+    model_fit_percent: float
+
+
+def _of_releases(name: str, releases: str) -> str:
+    return f"{name} of releases {releases}" if releases else name
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -269,14 +319,25 @@ class Export:
         """The parameters of a stack or a simulator; none of a frequency response."""
         return tuple(
             ExportedParameter(text(one, "name"), number(one, "value"), number(one, "low"), number(one, "high"),
-                              text(one, "unit"), text(one, "definition"))
+                              text(one, "unit"), text(one, "definition"), text(one, "releases"))
             for one in children(self._values, "parameters")
         )
 
     @property
     def refused(self) -> Mapping[str, str]:
         """The parameters that the measurements do not tell, and why."""
-        return {text(one, "name"): text(one, "why") for one in children(self._values, "refused")}
+        return {_of_releases(text(one, "name"), text(one, "releases")): text(one, "why")
+                for one in children(self._values, "refused")}
+
+    @property
+    def replays(self) -> tuple[ReplayedRecord, ...]:
+        """The records of `records` that move their command through the simulator's own law; none without them, or of no simulator."""
+        return tuple(
+            ReplayedRecord(text(child(replay, "stepping"), "name"), text(one, "file"), number(one, "fit_percent"),
+                           number(one, "model_fit_percent"))
+            for replay in children(self._values, "replays")
+            for one in children(replay, "records")
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -292,12 +353,14 @@ class Export:
         pathlib.Path(path).write_bytes(self.content)
 
     def __repr__(self) -> str:
-        said = ", ".join(f"{one.name} = {one.value:.4g}" for one in self.parameters) or f"{len(self.content)} bytes"
+        named = ((_of_releases(one.name, one.releases), one.value) for one in self.parameters)
+        said = ", ".join(f"{name} = {value:.4g}" for name, value in named) or f"{len(self.content)} bytes"
         return f"<rotorlead.Export for {self.stack}: {said}>"
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{_escaped(one.name)}</td><td>{one.value:.4g}</td><td>{one.low:.4g} to {one.high:.4g}</td>"
+            f"<tr><td>{_escaped(_of_releases(one.name, one.releases))}</td><td>{one.value:.4g}</td>"
+            f"<td>{'' if one.low != one.low else f'{one.low:.4g} to {one.high:.4g}'}</td>"
             f"<td>{_escaped(one.unit)}</td></tr>"
             for one in self.parameters
         )

@@ -132,7 +132,8 @@ impl Export {
         };
         let written = written_to(out);
         write_file(out, &content)?;
-        Ok(Outcome::new(format!("{written}\n"), &values))
+        let warnings = values.warnings().iter().map(|warning| format!("warning: {warning}\n\n"));
+        Ok(Outcome::new(format!("{}{written}\n{}", warnings.collect::<String>(), fits(&values)), &values))
     }
 
     fn all(&self, exporter: &Exporter, out: &Path) -> miette::Result<Outcome> {
@@ -145,6 +146,7 @@ impl Export {
                     let file = format!("{}.{}", target.name(), target.extension());
                     folder.write(&file, &content)?;
                     writeln!(text, "Written to {}", out.join(file).display()).expect("a string takes all");
+                    text += &fits(&values);
                     match values {
                         ExportedValues::Stack(values) => stacks.push(json!(values)),
                         ExportedValues::Frequency(values) => frequency = json!(values),
@@ -193,11 +195,16 @@ impl Export {
     fn nothing_known(&self, reasons: &str) -> miette::Report {
         miette::miette!(
             help = "docs/export.md says what each parameter is from, and what to record",
-            "`{}` tells none of the parameters: {}",
+            "nothing is known from `{}`: {}",
             self.model.path().display(),
             reasons.trim_end()
         )
     }
+}
+
+/// How well a simulator explains records, below the file that is written for it.
+fn fits(values: &ExportedValues) -> String {
+    values.fits().into_iter().map(|fit| format!("  {fit}\n")).collect()
 }
 
 fn reasons(refused: &[Refusal]) -> String {

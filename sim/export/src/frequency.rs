@@ -6,6 +6,7 @@ use rotorlead_identify::frequency_response::etfe::ResponsePoint;
 use rotorlead_identify::frequency_response::{FrequencyResponse, ResponseLine};
 use rotorlead_identify::identification::{IdentifyOptions, Lags, identify};
 use rotorlead_identify::lag::multisine::{NominalIdentification, RecordResponse};
+use rotorlead_identify::validate::same_output;
 use rotorlead_plant::{CompensatorDesign, Lag, Model};
 use rotorlead_records::{Excitation, Experiment};
 use serde::Serialize;
@@ -127,6 +128,7 @@ impl FrequencyResponses {
         if experiment.records.iter().all(|record| record.excitation != Excitation::Multisine) {
             return Err(no_multisine());
         }
+        same_output(experiment, model).map_err(|error| error.to_string())?;
         let found = identify(experiment, &IdentifyOptions::default()).map_err(|error| error.to_string())?;
         let Lags::Multisines(found) = &found.lags else { return Err(no_multisine()) };
         let nominals = &found.nominals;

@@ -27,7 +27,8 @@ pub use betaflight::{FirmwareRelease, ThrustLinear};
 use definition::StackParameter;
 pub use definition::{Definition, Stack};
 pub use files::{
-    ExportSettings, Exported, ExportedValues, Exporter, FrequencyFormat, StackExport, Target, is_exported,
+    ExportSettings, Exported, ExportedValues, Exporter, FrequencyExport, FrequencyFormat, StackExport, Target,
+    is_exported,
 };
 pub use frequency::{FrequencyResponses, MeasuredLine, TransferFunction};
 use lag::{ConfidenceInterval, Direction, LagEstimate};
@@ -184,7 +185,7 @@ impl<'a> KnownMotor<'a> {
             notes.push(String::from("taken in the middle of the commands measured: state that of hover with `--at`"));
         }
         if lag.delay_s > 0.0 {
-            notes.push(format!("a dead time of {:.1} ms is beside it, and not in it", 1e3 * lag.delay_s));
+            notes.push(format!("the model's dead time of {:.1} ms is not part of it", 1e3 * lag.delay_s));
         }
         Ok(RawParameter {
             band: band(lag)?,
@@ -213,7 +214,12 @@ impl<'a> KnownMotor<'a> {
         let std_s = self.model.points.iter().filter_map(|point| point.delay_s_std).reduce(f64::max);
         let end = |sign: f64| std_s.map(|std_s| of((lag.delay_s + sign * NORMAL_95 * std_s).max(0.0)));
         let band = ConfidenceInterval { value: steps * unit, low: end(-1.0), high: end(1.0) };
-        let note = format!("{steps} steps of {:.4} ms for {:.2} ms", 1e3 * self.step_s, 1e3 * lag.delay_s);
+        let note = format!(
+            "{steps} step{} of {:.4} ms for {:.2} ms; leave it out where it is the log's: a logger's delay is no motor's",
+            if steps == 1.0 { "" } else { "s" },
+            1e3 * self.step_s,
+            1e3 * lag.delay_s
+        );
         Ok(RawParameter {
             band,
             at: Some(lag.at),
@@ -310,12 +316,12 @@ impl RawParameter {
                 _ => String::new(),
             };
             return Err(format!(
-                "the measurement says {exact:.4}{interval}, and the stack takes {least} to {most}: it cannot describe this motor{}",
+                "the measurement says {exact:.4}{interval}, and it is of use from {least} to {most}: it cannot describe this motor{}",
                 self.worst_error_percent
                     .map_or(String::new(), |worst| format!(" (worst error of its law {worst:.1} % of full thrust)"))
             ));
         }
-        if definition.is_integer {
+        if definition.is_integer && value != exact {
             self.notes.push(format!("rounded from {exact:.3}: the stack takes whole numbers"));
         }
         Ok(Parameter {

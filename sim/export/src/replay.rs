@@ -212,10 +212,11 @@ impl SimulatedMotor {
             (true, true) => [value(StackParameter::TimeConstantUp)?, value(StackParameter::TimeConstantDown)?],
         };
         let exponent = stepping.exponent(known.model, output);
-        // What lags over the rotor speed in rad/s: rpm, or the root of the thrust.
+        // What lags over the rotor speed in rad/s: rpm, or the root of the thrust. Thrust itself has no rate of the speed.
         let per_rad_s = match output {
             Output::Rpm => Ok(60.0 / TAU),
-            Output::ThrustN => value(StackParameter::MotorConstant).map(f64::sqrt),
+            Output::ThrustN if exponent < 1.0 => value(StackParameter::MotorConstant).map(f64::sqrt),
+            Output::ThrustN => Err(String::new()),
         };
         let most_per_s = value(StackParameter::SpeedRate).and_then(|rad_s2| Ok(rad_s2 * per_rad_s?)).ok();
         Ok(Self {
@@ -283,10 +284,13 @@ fn not_held(known: &KnownMotor, motor: &SimulatedMotor, experiment: &Experiment)
     let ms = |seconds: f64| format!("{:.1}", 1e3 * seconds);
     let mut missing = Vec::new();
     let points = model.points.iter().map(Point::lag);
-    if let Some(delay_s) = points.clone().map(|lag| lag.delay_s).reduce(f64::max).filter(|delay_s| *delay_s > 0.0)
-        && !stepping.has_dead_time
-    {
-        missing.push(format!("a dead time of {} ms", ms(delay_s)));
+    if let Some(delay_s) = points.clone().map(|lag| lag.delay_s).reduce(f64::max).filter(|delay_s| *delay_s > 0.0) {
+        let held_s = (motor.dead_steps - stepping.late_steps) as f64 * motor.step_s;
+        if held_s == 0.0 {
+            missing.push(format!("a dead time of {} ms", ms(delay_s)));
+        } else if ms(held_s) != ms(delay_s) {
+            missing.push(format!("a dead time of {} ms, for which it has {} ms", ms(delay_s), ms(held_s)));
+        }
     }
     if !stepping.has_lag() {
         missing.push(String::from("the lag itself"));
@@ -320,7 +324,12 @@ fn not_held(known: &KnownMotor, motor: &SimulatedMotor, experiment: &Experiment)
     };
     let effects = ActiveEffect::from_model(model).unwrap_or_default();
     missing.extend(
-        effects.iter().map(ActiveEffect::kind).filter(|kind| !holds(kind.id)).map(|kind| kind.title.to_owned()),
+        // Unequal lags are said by their time constants.
+        effects
+            .iter()
+            .map(ActiveEffect::kind)
+            .filter(|kind| !holds(kind.id) && kind.id != asymmetric_lag::ID)
+            .map(|kind| kind.title.to_owned()),
     );
     missing
 }

@@ -120,7 +120,7 @@
   // Two upright lines across the plots of a figure, and a table of what its curves are there. Says how to draw both anew.
   const cursors = (figure, plots) => {
     const button = figure.querySelector("button.cursors");
-    const { type, title, range } = plots[0].layout.xaxis;
+    const { type, title } = plots[0].layout.xaxis;
     const curves = plots.flatMap((plot) => plot.data
       .filter((trace) => trace.mode && trace.fill !== "toself" && trace.x.length > 2 && !trace.xaxis && !trace.yaxis)
       .map((trace) => ({ trace, what: [...titles(plot), plot.layout.yaxis.title.text.replaceAll("<br>", " ")].join(", ") })));
@@ -132,11 +132,14 @@
     const isLog = type === "log";
     const [scale, place] = isLog ? [Math.log10, (part) => 10 ** part] : [(value) => value, (value) => value];
     const second = plots[0].layout.xaxis2;
-    const factor = second && isLog ? 10 ** (second.range[0] - range[0]) : 1;
+    const factor = second && isLog ? 10 ** (second.range[0] - plots[0].layout.xaxis.range[0]) : 1;
     const what = title.text.replaceAll("<br>", " ");
     const unit = what.split(", ").pop();
-    const ends = range.slice();
-    const places = () => sliders.map((slider) => place(ends[0] + (slider.value / 1000) * (ends[1] - ends[0])));
+    // Parts of what is in view, so that they are finer in a close one.
+    const places = () => {
+      const [from, to] = plots[0].layout.xaxis.range;
+      return sliders.map((slider) => place(from + (slider.value / 1000) * (to - from)));
+    };
     const rows = element("tbody");
     const headings = ["curve", "at A", "at B", "B - A"];
     const row = (kind, ...texts) => element("tr", {}, ...texts.map((text, column) => {
@@ -200,6 +203,7 @@
     const plots = [...figure.querySelectorAll(".plot")];
     const first = new Map();
     let busy = false;
+    let redraw = () => {};
     for (const plot of plots) {
       const spec = undrawn.shift();
       const { place, factor } = spec.beside || {};
@@ -214,12 +218,13 @@
         if (second) plot.beside[name] = beside(plot.layout[name], second);
       }
     }
+    redraw = cursors(figure, plots);
     // One above the other, what is at the same place of an axis stands at the same place of the page.
     const room = (side) => Math.max(...plots.map((plot) => plot._fullLayout._size[side]));
     const margins = { "margin.l": room("l"), "margin.r": room("r") };
     for (const plot of plots) {
       if (plots.length > 1) Plotly.relayout(plot, margins);
-      plot.on("plotly_relayout", () => {
+      plot.on("plotly_relayout", (change) => {
         if (busy) return;
         busy = true;
         const x = plot.layout.xaxis.range;
@@ -231,10 +236,12 @@
             ...(isOff(other, "yaxis", y) ? moved(other, "yaxis", y) : {}),
           };
           return Object.keys(update).length ? Plotly.relayout(other, update) : null;
-        })).finally(() => { busy = false; });
+        })).finally(() => {
+          busy = false;
+          if (Object.keys(change).some((key) => key.startsWith("xaxis"))) redraw();
+        });
       });
     }
-    const redraw = cursors(figure, plots);
     for (const button of figure.querySelectorAll("button.series")) {
       button.addEventListener("click", () => {
         const shown = button.getAttribute("aria-pressed") !== "true";

@@ -50,7 +50,8 @@ impl EscRampValues {
         let [up, down] = [self.up, self.down].map(RampValues::words);
         match (self.up, self.down) {
             (up, down) if up == RampValues::UNKNOWN && down == RampValues::UNKNOWN => {
-                "ESC ramp: the records do not tell; steps of several sizes do.".to_owned()
+                "ESC ramp: not known; steps of several sizes, without another effect in the records, tell it."
+                    .to_owned()
             }
             _ => format!("ESC ramp: {up} up, {down} down (95 %)."),
         }
@@ -103,7 +104,7 @@ mod tests {
         );
         let unknown = RampRate { rate_per_s: None, low_per_s: None, high_per_s: None };
         let values = EscRampValues::from(EscRamp { up: unknown, down: unknown });
-        assert!(values.sentence().contains("do not tell"), "{}", values.sentence());
+        assert!(values.sentence().contains("not known"), "{}", values.sentence());
         assert_eq!(values.up.range(), (0.0, f64::INFINITY));
     }
 }

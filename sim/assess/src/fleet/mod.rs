@@ -12,7 +12,7 @@ mod ramps;
 pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare};
 pub use drift::Drift;
 pub use outlying::{FEWEST_SCORED, OUTLIER_Z_SCORE};
-pub use ramps::{FEWEST_RAMPS, RampRanges, odd_ramps};
+pub use ramps::{ComparedRamps, FEWEST_RAMPS, RampRanges, compare_ramps};
 
 /// Logs that a command must have for a usual value. Derived: a median of two is one of them, and cannot say which of the two is odd.
 pub const FEWEST_LOGS: usize = 3;

@@ -15,7 +15,6 @@ pub struct Conversion {
         long,
         value_name = "thrust_linear=VALUE",
         value_parser = thrust_linear,
-        requires = "from",
         conflicts_with_all = ["model", "model_option", "target", "records", "step_rate", "at", "output_range", "motors", "compensator", "out"]
     )]
     convert: Option<u8>,

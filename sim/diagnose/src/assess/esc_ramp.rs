@@ -2,7 +2,8 @@
 //!
 //! Where a limit of the rate is named, its values say it. Where none is, a limit may still be there that the records are too slow or too
 //! small to show. So it is put in at a given rate, all else follows, and the rate is lowered until the chi-square has risen by what a value
-//! at the end of its 95 % interval costs: a limit slower than that would have been seen.
+//! at the end of its 95 % interval costs: a limit slower than that would have been seen. Beside another effect, or where something is left
+//! that has no name, nothing is excluded: a ramp may be what these stand for.
 
 use std::fmt;
 use std::sync::OnceLock;
@@ -10,6 +11,7 @@ use std::sync::OnceLock;
 use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 use rotorlead_plant::effect::slew_limit;
 
+use crate::assess::verdict::Verdict;
 use crate::data::split::Split;
 use crate::estimate::fit::{Fit, MOST_STEPS, fit_coordinates};
 use crate::likelihood::Likelihood;
@@ -43,7 +45,7 @@ pub struct EscRamp {
 pub struct RampRate {
     /// As found, 1/s; `None` where no ramp shows.
     pub rate_per_s: Option<f64>,
-    /// A slower one is excluded with 95 %, 1/s; `None` where the records exclude none.
+    /// A slower one is excluded with 95 %, 1/s; `None` where the records exclude none, or another effect may stand for a ramp.
     pub low_per_s: Option<f64>,
     /// A faster one is, 1/s; `None` where there may be no ramp.
     pub high_per_s: Option<f64>,
@@ -54,6 +56,8 @@ pub struct RampRate {
 pub(crate) struct Fitted {
     likelihood: Likelihood,
     fit: Fit,
+    /// Whether nothing but noise is left.
+    is_explained: bool,
     /// Once it was asked for.
     esc_ramp: OnceLock<EscRamp>,
 }
@@ -66,8 +70,9 @@ impl fmt::Debug for Fitted {
 }
 
 impl Fitted {
-    pub fn new(likelihood: &Likelihood, fit: &Fit) -> Self {
-        Self { likelihood: likelihood.clone(), fit: fit.clone(), esc_ramp: OnceLock::new() }
+    pub fn new(likelihood: &Likelihood, fit: &Fit, verdict: Verdict) -> Self {
+        let is_explained = matches!(verdict, Verdict::Agrees | Verdict::Named);
+        Self { likelihood: likelihood.clone(), fit: fit.clone(), is_explained, esc_ramp: OnceLock::new() }
     }
 
     /// What the records say of the ramps of the ESC.
@@ -79,6 +84,9 @@ impl Fitted {
         let effects = &self.fit.hypothesis.effects;
         match effects.iter().position(|effect| effect.kind.id == slew_limit::ID) {
             Some(effect) => self.found(effect),
+            None if !self.is_explained || !effects.is_empty() => {
+                EscRamp { up: RampRate::unknown(), down: RampRate::unknown() }
+            }
             None => EscRamp {
                 up: self.excluded(|rate| [rate, FREE]),
                 down: self.excluded(|rate| [rate * FREE, 1.0 / FREE]),
@@ -164,6 +172,14 @@ mod tests {
         for (direction, truth) in [(found.up, 0.6), (found.down, 0.3)] {
             let [low, high] = [direction.low_per_s, direction.high_per_s].map(Option::unwrap);
             assert!(low < truth && truth < high && high < 1.2 * low, "{direction:?} is not {truth}");
+        }
+    }
+
+    #[test]
+    fn beside_another_effect_none_is_excluded() {
+        let found = ramp("[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n");
+        for direction in [found.up, found.down] {
+            assert!(direction.rate_per_s.is_none() && direction.low_per_s.is_none(), "{direction:?}");
         }
     }
 

@@ -65,7 +65,47 @@ pub enum ExportedValues {
     /// Of a stack or a simulator.
     Stack(StackExport),
     /// Of a program that takes frequency responses.
-    Frequency(FrequencyResponses),
+    Frequency(FrequencyExport),
+}
+
+/// Frequency responses, and what to know of the model.
+#[derive(Debug, Serialize)]
+pub struct FrequencyExport {
+    #[serde(flatten)]
+    found: FrequencyResponses,
+    warnings: Vec<String>,
+}
+
+impl ExportedValues {
+    /// What to know of the model.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        match self {
+            Self::Stack(stack) => &stack.warnings,
+            Self::Frequency(frequency) => &frequency.warnings,
+        }
+    }
+
+    /// How well a simulator explains records, of each of its versions the record that it explains least; or why that is not known.
+    #[must_use]
+    pub fn fits(&self) -> Vec<String> {
+        let Self::Stack(StackExport { replays, not_replayed, .. }) = self else { return Vec::new() };
+        let fits = replays.iter().flatten().map(|replay| {
+            let worst = replay.records.iter().min_by(|a, b| a.fit_percent.total_cmp(&b.fit_percent));
+            worst.map_or_else(
+                || format!("{}: it diverges", replay.stepping.name),
+                |record| {
+                    format!(
+                        "{}: {} {:.1} % fit, the model {:.1} %",
+                        replay.stepping.name, record.file, record.fit_percent, record.model_fit_percent
+                    )
+                },
+            )
+        });
+        let none = replays.as_ref().filter(|replays| replays.is_empty());
+        let none = none.map(|_| String::from("nothing was replayed: no record moves its command"));
+        fits.chain(none).chain(not_replayed.iter().map(|why| format!("nothing was replayed: {why}"))).collect()
+    }
 }
 
 /// Parameters of a stack, and how well a simulator explains records with them.
@@ -153,6 +193,7 @@ impl<'a> Exporter<'a> {
             FrequencyFormat::PythonControl => found.python().into_bytes(),
             FrequencyFormat::Csv => found.csv().into_bytes(),
         };
-        Ok(Exported { content, values: ExportedValues::Frequency(found) })
+        let warnings = self.settings.warnings.clone();
+        Ok(Exported { content, values: ExportedValues::Frequency(FrequencyExport { found, warnings }) })
     }
 }

@@ -36,9 +36,9 @@ impl Syntax {
     /// Paragraphs as one comment.
     pub(super) fn comment(&self, paragraphs: &[String]) -> String {
         let [begin, next, end] = self.comment;
-        // A comment of XML holds no double hyphen.
+        // A comment of XML holds no double hyphen: options are named without, and names of files are spaced.
         let plain = |words: &String| match self.comment == XML {
-            true => words.replace("`--", "option `").replace("--", "option "),
+            true => words.replace("`--", "option `").replace(" --", " option ").replace("--", "- -"),
             false => words.clone(),
         };
         let paragraphs: Vec<String> = paragraphs.iter().map(plain).collect();

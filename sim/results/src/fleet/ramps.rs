@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rotorlead_answer::{ColumnSpec, Table, build_table};
-use rotorlead_assess::fleet::{FEWEST_RAMPS, odd_ramps};
+use rotorlead_assess::fleet::{FEWEST_RAMPS, compare_ramps};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -13,6 +13,7 @@ use crate::{EscRampValues, RampValues};
 /// The ramps of each motor's ESC.
 pub(super) struct Ramps {
     motors: Vec<MotorRamp>,
+    differ: bool,
 }
 
 #[derive(Serialize)]
@@ -32,9 +33,10 @@ impl Ramps {
             *known = EscRampValues { up: both(known.up, ramp.up), down: both(known.down, ramp.down) };
         }
         let ranges: Vec<_> = ramps.values().map(|ramp| [ramp.up.range(), ramp.down.range()]).collect();
-        let motors = ramps.into_iter().zip(odd_ramps(&ranges));
+        let compared = compare_ramps(&ranges);
+        let motors = ramps.into_iter().zip(compared.is_odd);
         let motors = motors.map(|((motor, ramp), is_odd)| MotorRamp { motor: motor.to_owned(), ramp, is_odd });
-        Self { motors: motors.collect() }
+        Self { motors: motors.collect(), differ: compared.differ }
     }
 
     /// Which is the odd one; `None` where too few were diagnosed.
@@ -46,7 +48,8 @@ impl Ramps {
         let words =
             |one: &MotorRamp| format!("{}: {} up, {} down", one.motor, one.ramp.up.words(), one.ramp.down.words());
         Some(match &odd[..] {
-            [] => "ESC ramps: no motor's is unlike the others'.".to_owned(),
+            [] if self.differ => "ESC ramps: they differ, and none is the odd one.".to_owned(),
+            [] => "ESC ramps: no two differ clearly.".to_owned(),
             [one] => format!("ESC ramps: the odd one is {}.", words(one)),
             several => {
                 let several: Vec<String> = several.iter().map(|one| words(one)).collect();
@@ -75,15 +78,43 @@ impl Ramps {
     }
 }
 
-/// What two logs say of one ramp: the narrower ends, and the rate of the one that knows one.
+/// What two logs tell of one ramp: the narrower ends, and the rate of the one that knows one. Where they exclude each other, the wider ends
+/// and no rate: it was changed.
 fn both(one: RampValues, other: RampValues) -> RampValues {
     let end = |one: Option<f64>, other: Option<f64>, choose: fn(f64, f64) -> f64| match (one, other) {
         (Some(one), Some(other)) => Some(choose(one, other)),
         (known, None) | (None, known) => known,
     };
+    let (low, high) = (one.range().0.max(other.range().0), one.range().1.min(other.range().1));
+    if low > high {
+        let wider = |one: Option<f64>, other: Option<f64>, choose: fn(f64, f64) -> f64| Some(choose(one?, other?));
+        return RampValues {
+            rate_percent_per_ms: None,
+            low_percent_per_ms: wider(one.low_percent_per_ms, other.low_percent_per_ms, f64::min),
+            high_percent_per_ms: wider(one.high_percent_per_ms, other.high_percent_per_ms, f64::max),
+        };
+    }
     RampValues {
         rate_percent_per_ms: one.rate_percent_per_ms.or(other.rate_percent_per_ms),
         low_percent_per_ms: end(one.low_percent_per_ms, other.low_percent_per_ms, f64::max),
         high_percent_per_ms: end(one.high_percent_per_ms, other.high_percent_per_ms, f64::min),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logs_that_exclude_each_other_leave_the_wider_ends() {
+        let ramp = |rate, low, high| RampValues {
+            rate_percent_per_ms: rate,
+            low_percent_per_ms: low,
+            high_percent_per_ms: high,
+        };
+        let (slow, none) = (ramp(Some(0.1), Some(0.098), Some(0.103)), ramp(None, Some(8.3), None));
+        assert_eq!(both(slow, none), ramp(None, Some(0.098), None));
+        let other = ramp(Some(0.101), Some(0.1), Some(0.104));
+        assert_eq!(both(slow, other), ramp(Some(0.1), Some(0.1), Some(0.103)));
     }
 }
