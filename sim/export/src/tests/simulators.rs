@@ -179,10 +179,15 @@ fn replays(stack: Stack, model: &Model, experiment: &Experiment, step_s: Option<
 #[test]
 fn a_motor_that_obeys_a_simulators_law_is_explained_by_it() {
     let unequal = steps(0.03, 0.06, 0.0);
-    for (stack, least) in
-        [(Stack::Gazebo, 99.99), (Stack::IsaacLab, 99.9), (Stack::AerialGym, 99.9), (Stack::Crazyflow, 98.0)]
-    {
-        for replay in replays(stack, &stepped(), &unequal, Some(0.001)) {
+    // Gazebo's thrust is a step late.
+    let late = steps(0.03, 0.06, 0.001);
+    for (stack, records, least) in [
+        (Stack::Gazebo, &late, 99.99),
+        (Stack::IsaacLab, &unequal, 99.9),
+        (Stack::AerialGym, &unequal, 99.9),
+        (Stack::Crazyflow, &unequal, 98.0),
+    ] {
+        for replay in replays(stack, &stepped(), records, Some(0.001)) {
             assert!(replay.records[0].fit_percent > least, "{replay:?}");
             assert_eq!(replay.not_held, Vec::<String>::new());
         }
