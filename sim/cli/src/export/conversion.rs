@@ -35,9 +35,14 @@ impl Conversion {
             (Some(value), Some(from)) => (value, from),
             (None, None) => return None,
             // Not left to the parser: it asks for no option that goes without `--for`.
-            (None, Some(_)) | (Some(_), None) => {
+            (None, Some(_)) => {
                 return Some(Err(
                     UsageError::new("--from goes with --convert", "add --convert thrust_linear=VALUE").into()
+                ));
+            }
+            (Some(_), None) => {
+                return Some(Err(
+                    UsageError::new("--convert goes with --from", "add --from RELEASE, such as 2025.12").into()
                 ));
             }
         };
