@@ -245,7 +245,7 @@ fn diagnose_response(
         columns: columns(data),
         left_out: data.left_out.clone(),
         conditions: Conditions::from_experiment(experiment, likelihood),
-        last_fit: Fitted::new(likelihood, &after, verdict),
+        last_fit: Fitted::new(likelihood, &after),
         map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
         square_of_speed: None,
         residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),

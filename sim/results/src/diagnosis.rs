@@ -470,10 +470,9 @@ mod tests {
             assert_eq!((&values["bends"], &values["to_do"]), (&json!(words), &json!(kind.remedy)));
             assert_eq!(values["parameters"][shape.name]["value"], json!(shape.starts[0]));
         }
-        let slew = effect(catalog.find("slew_limit").unwrap(), true);
-        let text = effect_table(&slew).text();
-        assert!(text.contains("\n  Its law bends: it slews 20 % slower downward.\n"), "{text}");
-        assert!(text.contains("\n  Where it is a ramp or a soft start of the ESC, switch that off in its"), "{text}");
+        let clipped = effect(catalog.find("saturation").unwrap(), true);
+        let text = effect_table(&clipped).text();
+        assert!(text.contains("\n  Its law bends: its knee reaches 0.0"), "{text}");
     }
 
     #[test]

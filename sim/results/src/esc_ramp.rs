@@ -3,6 +3,8 @@
 use rotorlead_diagnose::{EscRamp, RampRate};
 use serde::{Deserialize, Serialize};
 
+use crate::number::significant;
+
 /// The ramps of an ESC.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EscRampValues {
@@ -50,8 +52,7 @@ impl EscRampValues {
         let [up, down] = [self.up, self.down].map(RampValues::words);
         match (self.up, self.down) {
             (up, down) if up == RampValues::UNKNOWN && down == RampValues::UNKNOWN => {
-                "ESC ramp: not known; steps of several sizes, without another effect in the records, tell it."
-                    .to_owned()
+                "ESC ramp: not known; steps of several sizes tell it.".to_owned()
             }
             _ => format!("ESC ramp: {up} up, {down} down (95 %)."),
         }
@@ -66,10 +67,10 @@ impl RampValues {
     pub fn words(self) -> String {
         match (self.rate_percent_per_ms, self.low_percent_per_ms, self.high_percent_per_ms) {
             (Some(rate), Some(low), Some(high)) => {
-                format!("{} %/ms ({} to {})", digits(rate), digits(low), digits(high))
+                format!("{} %/ms ({} to {})", significant(rate), significant(low), significant(high))
             }
-            (Some(rate), ..) => format!("about {} %/ms", digits(rate)),
-            (None, Some(low), _) => format!("none slower than {} %/ms", digits(low)),
+            (Some(rate), ..) => format!("about {} %/ms", significant(rate)),
+            (None, Some(low), _) => format!("none slower than {} %/ms", significant(low)),
             (None, None, _) => "unknown".to_owned(),
         }
     }
@@ -79,14 +80,6 @@ impl RampValues {
     pub fn range(self) -> (f64, f64) {
         (self.low_percent_per_ms.unwrap_or(0.0), self.high_percent_per_ms.unwrap_or(f64::INFINITY))
     }
-}
-
-/// Two significant digits, three of a number that starts with a one.
-fn digits(value: f64) -> String {
-    let leading = value / 10_f64.powf(value.log10().floor());
-    let significant = if leading < 2.0 { 3 } else { 2 };
-    let decimals = (significant - 1 - value.log10().floor() as i32).clamp(0, 6);
-    format!("{value:.*}", decimals as usize)
 }
 
 #[cfg(test)]

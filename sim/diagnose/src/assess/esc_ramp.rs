@@ -1,9 +1,10 @@
 //! How fast an ESC lets its command change: as found, or how fast at least.
 //!
-//! Where a limit of the rate is named, its values say it. Where none is, a limit may still be there that the records are too slow or too
-//! small to show. So it is put in at a given rate, all else follows, and the rate is lowered until the chi-square has risen by what a value
-//! at the end of its 95 % interval costs: a limit slower than that would have been seen. Beside another effect, or where something is left
-//! that has no name, nothing is excluded: a ramp may be what these stand for.
+//! Where a limit of the rate is named and holds the command back in a direction, its values say how fast. Where none does, a limit may
+//! still be there that the records are too slow or too small to show. So it is put in at a given rate, all else follows, and the rate is
+//! lowered until the chi-square has risen by what a value at the end of its 95 % interval costs: a limit slower than that would have been
+//! seen. What another effect does may in truth be done by a ramp, so that each is left out in turn: a rate is excluded where no such model
+//! allows it. Where more than noise is left of the records, a rise has to be larger by as much.
 
 use std::fmt;
 use std::sync::OnceLock;
@@ -11,7 +12,6 @@ use std::sync::OnceLock;
 use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 use rotorlead_plant::effect::slew_limit;
 
-use crate::assess::verdict::Verdict;
 use crate::data::split::Split;
 use crate::estimate::fit::{Fit, MOST_STEPS, fit_coordinates};
 use crate::likelihood::Likelihood;
@@ -28,8 +28,9 @@ const SLOWER: f64 = 5.0;
 const HALVINGS: usize = 5;
 /// A rate that limits nothing, 1/s. Derived: over the whole range it takes 0.1 ms, half a frame of a control loop of 5 kHz.
 const NO_LIMIT_PER_S: f64 = 1e4;
-/// Limits the other direction nowhere: the ratio of both rates at the end of what is possible.
-const FREE: f64 = 1e3;
+/// Nor does one that is so many times as fast as that of the other direction. Derived: at the slowest ramp of an ESC, 0.25 1/s, it takes
+/// 13 ms over the range, fewer than any rotor's lag; and a search of the ratio, which goes to a thousand, has room.
+const FREE: f64 = 300.0;
 
 /// The ramps of an ESC, parts of the range in a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +46,7 @@ pub struct EscRamp {
 pub struct RampRate {
     /// As found, 1/s; `None` where no ramp shows.
     pub rate_per_s: Option<f64>,
-    /// A slower one is excluded with 95 %, 1/s; `None` where the records exclude none, or another effect may stand for a ramp.
+    /// A slower one is excluded with 95 %, 1/s; `None` where the records exclude none.
     pub low_per_s: Option<f64>,
     /// A faster one is, 1/s; `None` where there may be no ramp.
     pub high_per_s: Option<f64>,
@@ -56,8 +57,6 @@ pub struct RampRate {
 pub(crate) struct Fitted {
     likelihood: Likelihood,
     fit: Fit,
-    /// Whether nothing but noise is left.
-    is_explained: bool,
     /// Once it was asked for.
     esc_ramp: OnceLock<EscRamp>,
 }
@@ -70,64 +69,112 @@ impl fmt::Debug for Fitted {
 }
 
 impl Fitted {
-    pub fn new(likelihood: &Likelihood, fit: &Fit, verdict: Verdict) -> Self {
-        let is_explained = matches!(verdict, Verdict::Agrees | Verdict::Named);
-        Self { likelihood: likelihood.clone(), fit: fit.clone(), is_explained, esc_ramp: OnceLock::new() }
+    pub fn new(likelihood: &Likelihood, fit: &Fit) -> Self {
+        Self { likelihood: likelihood.clone(), fit: fit.clone(), esc_ramp: OnceLock::new() }
     }
 
     /// What the records say of the ramps of the ESC.
     pub fn esc_ramp(&self) -> EscRamp {
-        *self.esc_ramp.get_or_init(|| self.search())
+        *self.esc_ramp.get_or_init(|| Profile::new(self).map_or(EscRamp::UNKNOWN, |profile| profile.ramp()))
     }
+}
 
-    fn search(&self) -> EscRamp {
-        let effects = &self.fit.hypothesis.effects;
-        match effects.iter().position(|effect| effect.kind.id == slew_limit::ID) {
-            Some(effect) => self.found(effect),
-            None if !self.is_explained || !effects.is_empty() => {
-                EscRamp { up: RampRate::unknown(), down: RampRate::unknown() }
-            }
-            None => EscRamp {
-                up: self.excluded(|rate| [rate, FREE]),
-                down: self.excluded(|rate| [rate * FREE, 1.0 / FREE]),
-            },
-        }
-    }
+/// One of both directions, by its place among the values of a limit.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Direction {
+    Up,
+    Down,
+}
 
-    /// The rates of the limit that was found. Their logarithms are what was searched.
-    fn found(&self, effect: usize) -> EscRamp {
-        let values = &self.fit.hypothesis.effects[effect].values;
-        let [up, ratio] = [0, 1].map(|value| Coordinate::Effect { effect, value });
-        let std_up = self.fit.std(up).unwrap_or(f64::INFINITY);
-        // A ratio that was not searched is that of the catalog's law, one.
-        let std_down = match self.fit.pair_covariance([up, ratio]) {
-            Some(covariance) => covariance.sum().max(0.0).sqrt(),
-            None => std_up,
-        };
-        EscRamp { up: RampRate::found(values[0], std_up), down: RampRate::found(values[0] * values[1], std_down) }
-    }
+/// The chi-square by the rate of a limit in one direction.
+struct Profile<'a> {
+    fitted: &'a Fitted,
+    /// What else the model has, and the same without each of its effects.
+    others: Vec<Hypothesis>,
+    /// The rates of the limit up and down, 1/s; [`NO_LIMIT_PER_S`] where none is known.
+    rates_per_s: [f64; 2],
+    /// By how much the chi-square rises at the end of an interval.
+    rise: f64,
+}
 
-    /// The slowest rate that the records allow, of limits with these `values`.
-    fn excluded(&self, values: impl Fn(f64) -> [f64; 2]) -> RampRate {
-        let hypothesis = &self.fit.hypothesis;
-        let coordinates = hypothesis.coordinates(true);
-        let chi_square = |hypothesis: &Hypothesis| {
-            fit_coordinates(&self.likelihood, hypothesis, coordinates.clone(), MOST_STEPS).map(|fit| fit.chi_square)
-        };
-        let excess = self.likelihood.excess(hypothesis, Split::Train);
-        // More than noise is left of a model that is not exact; a rise has to be larger by as much.
+impl<'a> Profile<'a> {
+    fn new(fitted: &'a Fitted) -> Option<Self> {
+        let hypothesis = &fitted.fit.hypothesis;
+        let named = hypothesis.effects.iter().position(|effect| effect.kind.id == slew_limit::ID);
+        let rest = named.map_or_else(|| hypothesis.clone(), |effect| hypothesis.without(effect));
+        let left_out = (0..rest.effects.len()).map(|effect| rest.without(effect));
+        let others = std::iter::once(rest.clone()).chain(left_out).collect();
+        let excess = fitted.likelihood.excess(hypothesis, Split::Train);
         let beyond_noise = if excess.expected > 0.0 { (excess.sum / excess.expected).max(1.0) } else { 1.0 };
         let rise = STANDARD_ERRORS_OF_95_PERCENT.powi(2) * beyond_noise;
-        let limited =
-            |rate: f64| chi_square(&hypothesis.with(Candidate::new(&slew_limit::KIND, values(rate).to_vec())));
-        // One that limits nothing, so that both are simulated in the same way.
-        let Some(without) = limited(NO_LIMIT_PER_S) else { return RampRate::unknown() };
-        let is_excluded = |rate: f64| limited(rate).is_some_and(|with| with > without + rise);
+        let mut profile = Self { fitted, others, rates_per_s: [NO_LIMIT_PER_S; 2], rise };
+        if let Some(effect) = named {
+            let &[up_per_s, ratio] = &hypothesis.effects[effect].values[..] else { return None };
+            profile.rates_per_s = [up_per_s, up_per_s * ratio];
+            // A limit that the records would not miss in a direction is none there.
+            let is_missed = [Direction::Up, Direction::Down].map(|direction| {
+                profile.at(direction, NO_LIMIT_PER_S, 0).is_some_and(|without| without > fitted.fit.chi_square + rise)
+            });
+            for (rate_per_s, is_missed) in profile.rates_per_s.iter_mut().zip(is_missed) {
+                *rate_per_s = if is_missed { *rate_per_s } else { NO_LIMIT_PER_S };
+            }
+        }
+        Some(profile)
+    }
+
+    fn ramp(&self) -> EscRamp {
+        let [up, down] = [Direction::Up, Direction::Down].map(|direction| match self.rates_per_s[direction as usize] {
+            NO_LIMIT_PER_S => self.excluded(direction),
+            rate_per_s => RampRate::found(rate_per_s, self.std(direction)),
+        });
+        EscRamp { up, down }
+    }
+
+    /// Standard deviation of the logarithm of a rate that was found. The logarithms of the rate up and of the ratio are what was searched.
+    fn std(&self, direction: Direction) -> f64 {
+        let fit = &self.fitted.fit;
+        let Some(effect) = fit.hypothesis.effects.iter().position(|effect| effect.kind.id == slew_limit::ID) else {
+            return f64::INFINITY;
+        };
+        let [up, ratio] = [0, 1].map(|value| Coordinate::Effect { effect, value });
+        let std = match direction {
+            Direction::Up => fit.std(up),
+            Direction::Down => fit.pair_covariance([up, ratio]).map(|covariance| covariance.sum().max(0.0).sqrt()),
+        };
+        std.unwrap_or(f64::INFINITY)
+    }
+
+    /// The chi-square with a limit at this rate in one direction, as found in the other, with one of the other models.
+    fn at(&self, direction: Direction, rate_per_s: f64, other: usize) -> Option<f64> {
+        let mut rates_per_s = self.rates_per_s;
+        rates_per_s[direction as usize] = rate_per_s;
+        let slower_per_s = rates_per_s[0].min(rates_per_s[1]);
+        let [up_per_s, down_per_s] = rates_per_s.map(|rate_per_s| rate_per_s.min(FREE * slower_per_s));
+        let limit = Candidate::new(&slew_limit::KIND, vec![up_per_s, down_per_s / up_per_s]);
+        let hypothesis = self.others[other].with(limit);
+        let effect = hypothesis.effects.len() - 1;
+        let mut coordinates = hypothesis.coordinates(true);
+        coordinates.retain(|at| !matches!(at, Coordinate::Effect { effect: of, .. } if *of == effect));
+        // A limit in the other direction follows as well: by the ratio where the rate up is held, by both rates in proportion where the
+        // one down is, which it moves by no more than it is uncertain itself.
+        if rates_per_s[1 - direction as usize] < NO_LIMIT_PER_S {
+            coordinates.push(Coordinate::Effect { effect, value: 1 - direction as usize });
+        }
+        fit_coordinates(&self.fitted.likelihood, &hypothesis, coordinates, MOST_STEPS).map(|fit| fit.chi_square)
+    }
+
+    /// The slowest rate that the records allow in a direction that has no limit, with all effects or without one of them.
+    fn excluded(&self, direction: Direction) -> RampRate {
+        let Some(without) = self.at(direction, NO_LIMIT_PER_S, 0) else { return RampRate::UNKNOWN };
+        let is_excluded = |rate_per_s: f64| {
+            (0..self.others.len())
+                .all(|other| self.at(direction, rate_per_s, other).is_some_and(|with| with > without + self.rise))
+        };
         let (slowest, fastest) = RATES_PER_S;
         let (mut rate, mut allowed) = (fastest, None);
         while !is_excluded(rate) {
             if rate <= slowest {
-                return RampRate::unknown();
+                return RampRate::UNKNOWN;
             }
             allowed = Some(rate);
             rate = (rate / SLOWER).max(slowest);
@@ -137,19 +184,21 @@ impl Fitted {
             let middle = (low * high).sqrt();
             if is_excluded(middle) { low = middle } else { high = middle }
         }
-        RampRate { rate_per_s: None, low_per_s: Some(low), high_per_s: None }
+        RampRate { low_per_s: Some(low), ..RampRate::UNKNOWN }
     }
 }
 
+impl EscRamp {
+    const UNKNOWN: Self = Self { up: RampRate::UNKNOWN, down: RampRate::UNKNOWN };
+}
+
 impl RampRate {
+    const UNKNOWN: Self = Self { rate_per_s: None, low_per_s: None, high_per_s: None };
+
     fn found(rate_per_s: f64, std_of_logarithm: f64) -> Self {
         let reach = STANDARD_ERRORS_OF_95_PERCENT * std_of_logarithm;
         let end = |sign: f64| Some(rate_per_s * (sign * reach).exp()).filter(|end| end.is_finite() && *end > 0.0);
         Self { rate_per_s: Some(rate_per_s), low_per_s: end(-1.0), high_per_s: end(1.0) }
-    }
-
-    fn unknown() -> Self {
-        Self { rate_per_s: None, low_per_s: None, high_per_s: None }
     }
 }
 
@@ -176,10 +225,36 @@ mod tests {
     }
 
     #[test]
-    fn beside_another_effect_none_is_excluded() {
-        let found = ramp("[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n");
-        for direction in [found.up, found.down] {
-            assert!(direction.rate_per_s.is_none() && direction.low_per_s.is_none(), "{direction:?}");
+    fn a_ramp_in_one_direction_alone_is_found_and_the_other_direction_has_none() {
+        // Down at a thousandth of the rate up, and up at a thousandth of the one down.
+        for (rate_per_s, ratio) in [(0.6, 1e3), (600.0, 1e-3)] {
+            let effect = format!(
+                "[[effect]]\nkind = \"slew_limit\"\nparameters = {{ rate_per_s = {rate_per_s}, down_ratio = {ratio} }}\n"
+            );
+            let EscRamp { up, down } = ramp(&effect);
+            let (limited, free) = if ratio > 1.0 { (up, down) } else { (down, up) };
+            let [low, high] = [limited.low_per_s, limited.high_per_s].map(Option::unwrap);
+            assert!(low < 0.6 && 0.6 < high && high < 1.2 * low, "{ratio}: {limited:?}");
+            assert!(free.rate_per_s.is_none() && free.low_per_s.is_some_and(|low| low > 0.6), "{ratio}: {free:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_excluded_along_with_another_effect_holds_for_the_ramp_that_is_there() {
+        const UNEQUAL: &str = "[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n";
+        for direction in [ramp(UNEQUAL).up, ramp(UNEQUAL).down] {
+            assert!(
+                direction.rate_per_s.is_none() && direction.low_per_s.is_some_and(|low| low > 0.6),
+                "{direction:?}"
+            );
+        }
+        for rate_per_s in [0.6, 2.0, 6.0] {
+            let limit = format!("[[effect]]\nkind = \"slew_limit\"\nparameters = {{ rate_per_s = {rate_per_s} }}\n");
+            let EscRamp { up, down } = ramp(&format!("{limit}{UNEQUAL}"));
+            for direction in [up, down] {
+                let [low, high] = [direction.low_per_s.unwrap_or(0.0), direction.high_per_s.unwrap_or(f64::INFINITY)];
+                assert!(low < rate_per_s && rate_per_s < high, "{rate_per_s}: {direction:?}");
+            }
         }
     }
 

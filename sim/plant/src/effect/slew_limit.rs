@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
 use crate::stage::{CommandStage, Memory, Segment};
 
 /// What it is called in files.
@@ -17,15 +17,12 @@ pub static KIND: Kind = Kind {
             .null(f64::INFINITY)
             .possible(1e-6, f64::INFINITY)
             .log(0.1, 300.0, &[0.3, 1.0, 3.0, 10.0, 30.0, 100.0]),
-        // ESCs have a ramp for each direction, mostly of the same order.
+        // ESCs have a ramp for each direction, or for one alone: at the ends of the range the other one is free.
         Parameter::fitted("down_ratio", "", "the fastest change downward over that upward")
+            .optional(1.0)
+            .null(f64::NAN)
             .possible(1e-3, 1e3)
-            .log(0.3, 3.0, &[0.8, 1.25])
-            .smooth()
-            .shape(1.0, |ratio| {
-                let how = if ratio < 1.0 { "slower" } else { "faster" };
-                format!("it slews {} % {how} downward", two_digits(100.0 * (ratio - 1.0).abs()))
-            }),
+            .log(1e-3, 1e3, &[0.1, 1.0, 10.0]),
     ],
     signature: "Gain falls and phase lags with amplitude times frequency; triangles where sinusoids are due, odd harmonics. \
                 Steps become ramps whose length grows with the step. Small or slow commands pass untouched.",

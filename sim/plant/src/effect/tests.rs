@@ -255,8 +255,6 @@ fn a_shape_says_how_it_bends_the_law_in_numbers_of_few_digits() {
         Use::Shape { says, .. } => says(value),
         other => unreachable!("{other:?}"),
     };
-    assert_eq!(says("slew_limit", 0.7512), "it slews 25 % slower downward");
-    assert_eq!(says("slew_limit", 1.3), "it slews 30 % faster downward");
     assert_eq!(says("saturation", 0.010_04), "its knee reaches 0.010 duty to either side of `max`");
     assert_eq!(says("second_pole", 0.4), "a third pole has 0.40 of the time constant of the second");
     assert_eq!(says("dead_band", -2.0), "its width shrinks by 20 % with each 0.1 duty of command");
@@ -345,7 +343,6 @@ fn a_neutral_shape_changes_no_digit_and_others_do() {
         "saturation",
         "dead_band",
         "backlash",
-        "slew_limit",
         "supply_sag",
         "quadratic_thrust",
         "asymmetric_lag",
