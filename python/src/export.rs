@@ -6,9 +6,8 @@ use miette::miette;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use rotorlead_export::{ExportSettings, Exporter, StackOptions, Target};
-use rotorlead_records::Finding;
 use rotorlead_records::files::{AcceptedRange, KeyPath, check_writable, write_file};
-use rotorlead_results::judged;
+use rotorlead_results::export_warnings;
 use serde_json::json;
 
 use crate::argument::{Given, one_of, read};
@@ -70,7 +69,7 @@ pub fn export<'py>(
             options: StackOptions { at, output_range, step_s: step_rate_hz.map(f64::recip) },
             motors,
             compensator: compensator.as_ref(),
-            warnings: judged(&model).iter().map(Finding::sentence).collect(),
+            warnings: export_warnings(&model, compensator.as_ref()),
         };
         let exported = Exporter::new(&model, experiment.as_ref(), settings).export(target).map_err(|refused| {
             let reasons = refused.iter().map(|refusal| format!("{}: {}", refusal.full_name(), refusal.why));

@@ -61,8 +61,12 @@ impl ImitatedLag {
             return None;
         }
         let (_, value) = effect.parameters.first()?;
+        let down_ratio = effect.parameters.iter().find(|(parameter, _)| parameter.name == "down_ratio");
         let (kind, other) = match effect.kind.id {
-            slew_limit::ID => (ImitatedKind::Ramp(value.value), moving_average::ID),
+            slew_limit::ID => {
+                let down_ratio = down_ratio.map_or(1.0, |(_, ratio)| ratio.value);
+                (ImitatedKind::Ramp(slew_limit::slower_per_s(value.value, down_ratio)), moving_average::ID)
+            }
             moving_average::ID => (ImitatedKind::Mean(value.value), slew_limit::ID),
             second_pole::ID => (ImitatedKind::Filter(value.value), moving_average::ID),
             _ => return None,

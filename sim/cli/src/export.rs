@@ -10,9 +10,9 @@ use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use rotorlead_export::{ExportSettings, Exported, ExportedValues, Exporter, Refusal, StackOptions, Target};
 use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_records::Experiment;
 use rotorlead_records::files::{AcceptedRange, OutputFolder, check_writable, write_file};
-use rotorlead_records::{Experiment, Finding};
-use rotorlead_results::judged;
+use rotorlead_results::export_warnings;
 use serde_json::{Value, json};
 
 use super::UsageError;
@@ -113,7 +113,7 @@ impl Export {
             options: StackOptions { at: self.at, output_range: self.output_range, step_s },
             motors: self.motors,
             compensator: compensator.as_ref(),
-            warnings: judged(&model).iter().map(Finding::sentence).collect(),
+            warnings: export_warnings(&model, compensator.as_ref()),
         };
         let exporter = Exporter::new(&model, experiment.as_ref(), settings);
         match (name, &self.out) {

@@ -143,8 +143,9 @@ fn diagnosis(path: &Path) -> Result<Option<Diagnosed>, String> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(format!("{DIAGNOSIS} cannot be read: {error}")),
     };
-    let found = serde_json::from_slice::<Diagnosed>(&text);
-    found.map(Some).map_err(|_| format!("{DIAGNOSIS} is not what `rotorlead diagnose --json` writes"))
+    let found = serde_json::from_slice::<Diagnosed>(&text).ok();
+    let found = found.filter(|found| found.esc_ramp.is_none_or(EscRampValues::is_possible));
+    found.map(Some).ok_or_else(|| format!("{DIAGNOSIS} is not what `rotorlead diagnose --json` writes"))
 }
 
 impl Diagnosed {

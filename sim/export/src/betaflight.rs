@@ -47,8 +47,10 @@ impl FromStr for FirmwareRelease {
             (..4, _) | (4, ..2) => {
                 Err(format!("release {text} has neither of the two laws of `thrust_linear`: they are of 4.2 and later"))
             }
-            release if release < (2026, 6) => Ok(Self::UpTo2025),
-            _ => Ok(Self::From2026),
+            // The one after 4.5 is called by year and month, as all since.
+            (4, ..=5) | (2025, 12) | (2026, 1..=5) => Ok(Self::UpTo2025),
+            (2026.., 1..=12) => Ok(Self::From2026),
+            _ => Err(format!("there is no release {text}: they are 4.2 to 4.5, and from 2025.12 on year and month")),
         }
     }
 }
@@ -214,6 +216,10 @@ mod tests {
             ("2026.6", Some(FirmwareRelease::From2026)),
             ("2026.6.1", Some(FirmwareRelease::From2026)),
             ("2027.1", Some(FirmwareRelease::From2026)),
+            ("4.6", None),
+            ("7.9", None),
+            ("2024.1", None),
+            ("2026.13", None),
             ("4.1", None),
             ("3.5", None),
             ("2026", None),

@@ -1,11 +1,10 @@
 //! What each stack defines, where it says so, and which of a model's numbers that is.
 
-use std::f64::consts::TAU;
-
 use serde::Serialize;
 
 use super::betaflight::{BOOST_BOUNDS, BOOST_RELEASES, SERIES_BOUNDS, SERIES_RELEASES};
 use super::law::ThrustLaw;
+use super::rotor::RPM;
 use super::stepping::{self, Stepping};
 use super::{remarks, simulators};
 
@@ -383,7 +382,7 @@ const INDIFLIGHT: [Definition; 3] = [
         )
     },
     Definition {
-        scale: 60.0 / TAU,
+        scale: RPM.recip(),
         is_integer: true,
         ..definition(
             "indi_act_max_rpm",

@@ -1,7 +1,5 @@
 //! Records replayed through the law that a simulator will run with the exported numbers, and the model on the same rows.
 
-use std::f64::consts::TAU;
-
 use rotorlead_identify::goodness_of_fit::fit_percent;
 use rotorlead_identify::simulation::{align, fit_initial_state, run_record};
 use rotorlead_identify::validate::{ComparedRow, Comparison, validate};
@@ -11,6 +9,7 @@ use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 use serde::Serialize;
 
 use super::definition::StackParameter;
+use super::rotor::RPM;
 use super::{KnownMotor, Lagging, Stack, StackOptions, Stepping};
 
 /// A simulator on the records.
@@ -214,7 +213,7 @@ impl SimulatedMotor {
         let exponent = stepping.exponent(known.model, output);
         // What lags over the rotor speed in rad/s: rpm, or the root of the thrust. Thrust itself has no rate of the speed.
         let per_rad_s = match output {
-            Output::Rpm => Ok(60.0 / TAU),
+            Output::Rpm => Ok(RPM.recip()),
             Output::ThrustN if exponent < 1.0 => value(StackParameter::MotorConstant).map(f64::sqrt),
             Output::ThrustN => Err(String::new()),
         };
@@ -323,6 +322,11 @@ fn not_held(known: &KnownMotor, motor: &SimulatedMotor, experiment: &Experiment)
         _ => false,
     };
     let effects = ActiveEffect::from_model(model).unwrap_or_default();
+    if motor.most_per_s.is_some()
+        && effects.iter().any(|effect| effect.kind().id == slew_limit::ID && effect.value("down_ratio") != Some(1.0))
+    {
+        missing.push(String::from("other rates of the command up than down"));
+    }
     missing.extend(
         // Unequal lags are said by their time constants.
         effects

@@ -12,7 +12,7 @@ use super::maps::{Maps, between, scatter, with_standstill};
 use rotorlead_identify::estimate::Estimate;
 
 /// Rotor speed of one revolution per minute, rad/s.
-const RPM: f64 = TAU / 60.0;
+pub(super) const RPM: f64 = TAU / 60.0;
 /// Levels that tell thrust over speed squared, and an error. Chosen: they leave 2 degrees of freedom, and a 95 % interval of 4.3 standard
 /// errors (Student's t); with two levels it would be 12.7.
 const LEAST_LEVELS: usize = 3;
@@ -58,7 +58,7 @@ fn highest(map: &StaticMap, top: f64, unit: &str) -> Result<(ConfidenceInterval,
     Ok((ConfidenceInterval { value: response, low: end(-1.0), high: end(1.0) }, command))
 }
 
-/// The highest rate of the rotor speed around a command, rad/s^2: that of a model's slew limit times the slope of the speed's map.
+/// The highest rate of the rotor speed around a command, rad/s^2: that of a model's slew limit, of its slower direction, times the slope of the speed's map.
 pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<ConfidenceInterval, String> {
     let limit = model.effects.iter().find(|effect| effect.kind == slew_limit::ID).ok_or(
         "the model has no slew limit: `rotorlead diagnose` looks for one; the simulator's 100000, which it has unless it is set, limits nothing",
@@ -70,14 +70,17 @@ pub(super) fn speed_rate_rad_s2(model: &Model, maps: &Maps, at: f64) -> Result<C
     let around = levels.iter().zip(levels.iter().skip(1)).find(|(low, high)| (low.0..=high.0).contains(&at));
     let (low, high) = around.ok_or_else(|| format!("no levels of the rotor speed are around a command of {at}"))?;
     let rpm_per_command = (high.1 - low.1) / (high.0 - low.0);
-    let rate_per_s = limit.parameters.get("rate_per_s").copied().unwrap_or(f64::INFINITY);
+    let value = |name: &str| limit.parameters.get(name).copied();
+    let up_per_s = value("rate_per_s").unwrap_or(f64::INFINITY);
+    let rate_per_s = slew_limit::slower_per_s(up_per_s, value("down_ratio").unwrap_or(1.0));
     if !(rate_per_s.is_finite() && rpm_per_command > 0.0) {
         return Err(format!("the speed does not rise around a command of {at}, or the model's slew limit has no rate"));
     }
-    let band =
-        limit.std.get("rate_per_s").map_or(ConfidenceInterval { value: rate_per_s, low: None, high: None }, |std| {
-            ConfidenceInterval::from_estimate(Estimate::normal(rate_per_s, *std))
-        });
+    // A model does not say how the errors of both directions go together.
+    let std = limit.std.get("rate_per_s").filter(|_| rate_per_s == up_per_s);
+    let band = std.map_or(ConfidenceInterval { value: rate_per_s, low: None, high: None }, |std| {
+        ConfidenceInterval::from_estimate(Estimate::normal(rate_per_s, *std))
+    });
     Ok(band.times(rpm_per_command * RPM))
 }
 

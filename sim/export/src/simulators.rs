@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::definition::{Definition, StackParameter, definition};
+use super::rotor::RPM;
 
 /// A number of a simulator, which is written as `written` says.
 const fn written(written: &'static str, definition: Definition) -> Definition {
@@ -12,7 +13,7 @@ const fn written(written: &'static str, definition: Definition) -> Definition {
 /// N/(rad/s)^2 as N/(revolutions per second)^2.
 const PER_RPS2: f64 = TAU * TAU;
 /// N/(rad/s)^2 as N/rpm^2.
-const PER_RPM2: f64 = (TAU / 60.0) * (TAU / 60.0);
+const PER_RPM2: f64 = RPM * RPM;
 
 const ISAAC_LAB_SOURCE: &str =
     "isaac-sim/IsaacLab isaaclab_contrib/actuators/thruster.py and thruster_cfg.py of isaaclab 3.0.0 and 2.3.2.post1";

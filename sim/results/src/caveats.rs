@@ -26,6 +26,13 @@ pub fn warn_of_another_model(compensator: &CompensatorDesign, model: &Model) -> 
     })
 }
 
+/// What is to be known before numbers of a model, with a compensator in front of it, are used elsewhere.
+#[must_use]
+pub fn export_warnings(model: &Model, compensator: Option<&CompensatorDesign>) -> Vec<String> {
+    let other = compensator.and_then(|design| warn_of_another_model(design, model));
+    judged(model).into_iter().chain(other).map(|finding| finding.sentence()).collect()
+}
+
 /// What takes the worth from whatever is promised: that the model is no lag or not known to be one, and that dead time takes the gain.
 /// `None` where neither is so.
 pub(crate) fn doubts_in_short(model: &Model, points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {

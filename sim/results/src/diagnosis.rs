@@ -18,8 +18,7 @@ use crate::EscRampValues;
 use crate::IdentifyResult;
 use crate::figures::diagnosis::diagnosis_figures;
 use crate::json_object::json_object;
-use crate::number::estimate_cell;
-use crate::number::parameter_with_std;
+use crate::number::{estimate_cell, is_known, parameter_with_std};
 use crate::recommendation::judged_verdict;
 use crate::unit::unit;
 
@@ -304,7 +303,7 @@ fn effect_values(effect: &NamedEffect) -> Value {
 fn bends(effect: &NamedEffect) -> Option<String> {
     effect.parameters.iter().find_map(|(parameter, estimate)| {
         let Use::Shape { neutral, says } = parameter.usage else { return None };
-        estimate.excludes(neutral).then(|| says(estimate.value))
+        (estimate.excludes(neutral) && is_known(parameter, estimate)).then(|| says(estimate.value))
     })
 }
 
@@ -470,9 +469,10 @@ mod tests {
             assert_eq!((&values["bends"], &values["to_do"]), (&json!(words), &json!(kind.remedy)));
             assert_eq!(values["parameters"][shape.name]["value"], json!(shape.starts[0]));
         }
-        let clipped = effect(catalog.find("saturation").unwrap(), true);
-        let text = effect_table(&clipped).text();
-        assert!(text.contains("\n  Its law bends: its knee reaches 0.0"), "{text}");
+        let slew = effect(catalog.find("slew_limit").unwrap(), true);
+        let text = effect_table(&slew).text();
+        assert!(text.contains("\n  Its law bends: it slews downward at 0.10 times the rate upward.\n"), "{text}");
+        assert!(text.contains("\n  Where it is a ramp or a soft start of the ESC, switch that off in its"), "{text}");
     }
 
     #[test]

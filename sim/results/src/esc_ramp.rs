@@ -46,20 +46,31 @@ impl From<RampRate> for RampValues {
 }
 
 impl EscRampValues {
+    /// Of records that tell nothing.
+    pub(crate) const UNKNOWN: Self = Self { up: RampValues::UNKNOWN, down: RampValues::UNKNOWN };
+
+    /// Whether a diagnosis may say so: rates above zero, each between its ends.
+    #[must_use]
+    pub fn is_possible(self) -> bool {
+        [self.up, self.down].into_iter().all(RampValues::is_possible)
+    }
+
     /// Both directions in a sentence.
     #[must_use]
     pub fn sentence(self) -> String {
-        let [up, down] = [self.up, self.down].map(RampValues::words);
-        match (self.up, self.down) {
-            (up, down) if up == RampValues::UNKNOWN && down == RampValues::UNKNOWN => {
-                "ESC ramp: not known; steps of several sizes tell it.".to_owned()
-            }
-            _ => format!("ESC ramp: {up} up, {down} down (95 %)."),
+        if self == Self::UNKNOWN {
+            return "ESC ramp: not known; steps of several sizes tell it.".to_owned();
         }
+        format!("ESC ramp: {} up, {} down (95 %).", self.up.words(), self.down.words())
     }
 }
 
 impl RampValues {
+    fn is_possible(self) -> bool {
+        let ends = [self.low_percent_per_ms, self.rate_percent_per_ms, self.high_percent_per_ms];
+        ends.into_iter().flatten().is_sorted() && ends.into_iter().flatten().all(|end| end > 0.0 && end.is_finite())
+    }
+
     const UNKNOWN: Self = Self { rate_percent_per_ms: None, low_percent_per_ms: None, high_percent_per_ms: None };
 
     /// The rate with its interval, or which it is not slower than.

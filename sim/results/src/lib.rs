@@ -35,7 +35,7 @@ pub use bandwidth::{
     BandwidthResult, DeviatingActuator, MeasuredRecords, RESAMPLES, bandwidth_cell, bandwidth_range, deviations,
 };
 pub use catalog::{catalog_markdown, with_catalog};
-pub use caveats::{judged, warn_of_another_model};
+pub use caveats::{export_warnings, warn_of_another_model};
 pub use check::check_answer;
 pub use comparison::{Subject, comparison_answer};
 pub use design::{DesignResult, Designed, design_section, in_short};

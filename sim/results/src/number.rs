@@ -27,11 +27,16 @@ pub fn parameter_with_std(parameter: &Parameter, estimate: &Estimate) -> String 
         return format!("not known, {least} to {most} {}", parameter.unit).trim_end().to_owned();
     }
     let shown = match parameter.scale {
-        Scale::Log if low <= 0.0 && high >= parameter.plausible.1 => "not known".to_owned(),
-        Scale::Log if low <= 0.0 => format!("at most {} {}", significant(high), parameter.unit),
+        Scale::Log if !is_known(parameter, estimate) && high >= parameter.plausible.1 => "not known".to_owned(),
+        Scale::Log if !is_known(parameter, estimate) => format!("at most {} {}", significant(high), parameter.unit),
         _ => format!("{} {}", with_std(estimate.value, Some(estimate.std), 1.0, 4), parameter.unit),
     };
     shown.trim_end().to_owned()
+}
+
+/// Whether the data tell more than how large a positive parameter is at most.
+pub(crate) fn is_known(parameter: &Parameter, estimate: &Estimate) -> bool {
+    parameter.scale == Scale::Linear || estimate.interval(LEVEL).0 > 0.0
 }
 
 /// Two significant digits, three of a number that starts with a one.

@@ -57,7 +57,7 @@ impl Bound {
             let kind = effect.kind();
             match kind.id {
                 slew_limit::ID => {
-                    let most = effect.value("rate_per_s")?;
+                    let most = effect.slew_per_s()?;
                     Some(Self { kind, most, fundamental: 2.0 * FRAC_2_PI * most, of_rate: true })
                 }
                 saturation::ID => {

@@ -197,7 +197,7 @@ fn limited(options: InverseOptions, effects: &[ActiveEffect]) -> InverseOptions 
     effects.iter().fold(options, |mut options, effect| {
         match effect.kind().id {
             slew_limit::ID => {
-                let rate_per_s = effect.value("rate_per_s");
+                let rate_per_s = effect.slew_per_s();
                 options.slew_per_s = options.slew_per_s.into_iter().chain(rate_per_s).reduce(f64::min);
             }
             saturation::ID => {

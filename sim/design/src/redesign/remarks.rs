@@ -36,9 +36,9 @@ pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Optio
         slew_limit::ID if is_inverse => format!(
             "Nothing in front of it makes it faster than {:.3} duty/s. The inverse is designed with this limit, and its state is that of a \
              rotor that gets no more.",
-            value("rate_per_s")
+            effect.slew_per_s().unwrap_or(f64::NAN)
         ),
-        slew_limit::ID => format!("Nothing in front of it makes it faster than {:.3} duty/s.", value("rate_per_s")),
+        slew_limit::ID => format!("Nothing in front of it makes it faster than {:.3} duty/s.", effect.slew_per_s().unwrap_or(f64::NAN)),
         dead_band::ID => format!(
             "Changes under {:.4} are ignored, with or without the filter. It makes commands up to {peak:.1} times larger, their \
              noise too: what the flight controller sends while hovering passes the band more often.",

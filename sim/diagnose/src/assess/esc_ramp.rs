@@ -139,7 +139,10 @@ impl<'a> Profile<'a> {
         let [up, ratio] = [0, 1].map(|value| Coordinate::Effect { effect, value });
         let std = match direction {
             Direction::Up => fit.std(up),
-            Direction::Down => fit.pair_covariance([up, ratio]).map(|covariance| covariance.sum().max(0.0).sqrt()),
+            // A ratio that was not searched is that of the catalog's law, one.
+            Direction::Down => fit
+                .pair_covariance([up, ratio])
+                .map_or(fit.std(up), |covariance| Some(covariance.sum().max(0.0).sqrt())),
         };
         std.unwrap_or(f64::INFINITY)
     }

@@ -207,6 +207,14 @@ impl Candidate {
 }
 
 impl Candidate {
+    /// Starts of a kind whose law may be far from the catalog's, which is one with searches that start near to it and beyond: each with
+    /// each shape.
+    pub fn starts_bent_far(kind: &'static Kind) -> Vec<Self> {
+        let bends_far = kind.shape().is_some_and(|(_, shape)| shape.starts.len() > 2);
+        let starts = if bends_far { Self::starts(kind, false) } else { Vec::new() };
+        starts.iter().flat_map(Self::bent).collect()
+    }
+
     /// The plausible range of a single value from end to end, in so many pieces. Empty for several values.
     pub fn grid(kind: &'static Kind, pieces: u32) -> Vec<Self> {
         let searched: Vec<_> = Self::searched(kind).collect();

@@ -1,6 +1,7 @@
 //! The best sets of a size fitted to the end: with laws that bend where they leave more than noise, and with frames where they lie.
 
 use rayon::prelude::*;
+use rotorlead_numerics::statistics::STANDARD_ERRORS_OF_95_PERCENT;
 
 use super::beam::FIRST;
 use super::pool::{Member, Pool};
@@ -22,6 +23,10 @@ const BENT: usize = 4;
 /// Changes that stand alone and say this of frames, in log likelihood, say that there are none. Standard: odds of 20 to 1 are strong
 /// evidence (Kass & Raftery 1995). Lower, frames are searched in vain, which costs time; higher, some are not looked for.
 const ALL_ALIKE: f64 = -3.0;
+/// By how much a shape has to lower the chi-square. Standard: less is within the 95 % interval of the catalog's law.
+const NO_SHAPE: f64 = STANDARD_ERRORS_OF_95_PERCENT * STANDARD_ERRORS_OF_95_PERCENT;
+/// Starts of a kind that bends far that are fitted. Chosen: for either end of its shape one; more cost only time.
+const STARTS_FAR: usize = 2;
 /// Values that are tried with every shape where a response depends in jumps on both, in pieces to either side. Derived: a piece of a dead
 /// band is 1 % of its width, so that it goes 20 %; its shape moves the width by 30 % at most at an amplitude of 0.05.
 const PIECES_AROUND: u32 = 20;
@@ -51,7 +56,7 @@ impl Search<'_> {
     }
 
     /// Bends the laws of the best of a size. Chosen: only of those with half of the best's gain or more. Lower costs time; higher loses
-    /// kinds that the catalog's law of them fits badly.
+    /// kinds that the catalog's law of them fits badly; what bends so far that this law may explain nothing is bent in any case.
     pub fn bend(&self, pool: &mut Pool, size: usize) {
         let Some(best) = pool.with_size(size).next() else { return };
         let zero = pool.get(&[]).map_or(0.0, |zero| zero.evidence);
@@ -64,7 +69,28 @@ impl Search<'_> {
                 self.bent(one, behind).into_iter().chain(in_jumps)
             })
             .collect();
-        bent.into_iter().for_each(|member| pool.add(member));
+        let far = if size == 1 { self.bent_far(pool, best) } else { Vec::new() };
+        bent.into_iter().chain(far).for_each(|member| pool.add(member));
+    }
+
+    /// Fits of the kinds that bend so far from the catalog's law that this may explain nothing, beside the lags alone.
+    fn bent_far(&self, pool: &Pool, best: &Member) -> Vec<Member> {
+        let Some(zero) = pool.get(&[]) else { return Vec::new() };
+        let Some(look) = Look::new(&self.likelihood, &zero.fit) else { return Vec::new() };
+        let is_misaligned = zero.fit.has_time_offset(&self.likelihood);
+        let kinds = self.catalog.kinds().filter(|kind| self.likelihood.data.can_show(kind));
+        let fits = kinds.flat_map(|kind| {
+            let straight = pool.get(&[kind]).map_or(f64::INFINITY, |straight| straight.fit.chi_square);
+            let starts: Vec<Candidate> = Candidate::starts_bent_far(kind);
+            let looked = starts.into_par_iter().filter_map(|start| look.at(start, is_misaligned));
+            let mut looked: Vec<_> = looked.collect();
+            looked.sort_by(|a, b| a.0.total_cmp(&b.0));
+            looked.into_iter().take(STARTS_FAR).filter_map(move |(.., start)| {
+                let bent = self.further(&start, best.evidence - zero.evidence)?;
+                (straight - bent.fit.chi_square > NO_SHAPE).then_some(bent)
+            })
+        });
+        fits.collect()
     }
 
     /// Joint fits with one of the effects bent.
@@ -79,7 +105,7 @@ impl Search<'_> {
                 let mut start = member.fit.hypothesis.clone();
                 start.effects[place] = bent;
                 // A shape that may as well be the catalog's bends nothing.
-                self.further(&start, behind).filter(|member| member.fit.excludes_shape(place))
+                self.further(&start, behind).filter(|bent| member.fit.chi_square - bent.fit.chi_square > NO_SHAPE)
             })
             .collect()
     }

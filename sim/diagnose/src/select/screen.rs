@@ -206,7 +206,7 @@ impl Search<'_> {
 
 impl Dataset {
     /// Whether the records can show a kind.
-    fn can_show(&self, kind: &Kind) -> bool {
+    pub(crate) fn can_show(&self, kind: &Kind) -> bool {
         match kind.shows {
             // A static map that is free has no curvature left to find.
             Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(PreparedRecord::has_free_map),

@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead_records::files::KeyPath;
 
-use super::{Catalog, Kind, Linearity, Parameter, Part, Use};
+use super::{Catalog, Kind, Linearity, Parameter, Part, Use, slew_limit};
 use crate::error::PlantError;
 use crate::model::{Effect, Model};
 use crate::operating::{OperatingCurve, OperatingPoint};
@@ -61,6 +61,13 @@ impl ActiveEffect {
     pub fn value(&self, name: &str) -> Option<f64> {
         let index = self.kind.parameters.iter().position(|parameter| parameter.name == name)?;
         Some(self.values[index])
+    }
+
+    /// The slower rate of a limit of the rate, 1/s; `None` of any other effect.
+    #[must_use]
+    pub fn slew_per_s(&self) -> Option<f64> {
+        let is_limit = self.kind.id == slew_limit::ID;
+        is_limit.then(|| Some(slew_limit::slower_per_s(self.value("rate_per_s")?, self.value("down_ratio")?)))?
     }
 
     /// The link of the chain, beside `base`.

@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Recipe, Search, Shows, Site, two_digits};
 use crate::stage::{CommandStage, Memory, Segment};
 
 /// What it is called in files.
@@ -19,10 +19,10 @@ pub static KIND: Kind = Kind {
             .log(0.1, 300.0, &[0.3, 1.0, 3.0, 10.0, 30.0, 100.0]),
         // ESCs have a ramp for each direction, or for one alone: at the ends of the range the other one is free.
         Parameter::fitted("down_ratio", "", "the fastest change downward over that upward")
-            .optional(1.0)
-            .null(f64::NAN)
             .possible(1e-3, 1e3)
-            .log(1e-3, 1e3, &[0.1, 1.0, 10.0]),
+            .log(1e-3, 1e3, &[0.1, 0.8, 1.25, 10.0])
+            .smooth()
+            .shape(1.0, |ratio| format!("it slews downward at {} times the rate upward", two_digits(ratio))),
     ],
     signature: "Gain falls and phase lags with amplitude times frequency; triangles where sinusoids are due, odd harmonics. \
                 Steps become ramps whose length grows with the step. Small or slow commands pass untouched.",
@@ -54,6 +54,12 @@ pub static KIND: Kind = Kind {
     },
     response: Kind::unity,
 };
+
+/// The rate of the slower direction, by the values of the effect: no command moves faster both ways.
+#[must_use]
+pub fn slower_per_s(up_per_s: f64, down_ratio: f64) -> f64 {
+    up_per_s * down_ratio.min(1.0)
+}
 
 /// Exact: the moment at which it catches up with the command ends a piece.
 struct SlewLimit {

@@ -255,6 +255,7 @@ fn a_shape_says_how_it_bends_the_law_in_numbers_of_few_digits() {
         Use::Shape { says, .. } => says(value),
         other => unreachable!("{other:?}"),
     };
+    assert_eq!(says("slew_limit", 0.7512), "it slews downward at 0.75 times the rate upward");
     assert_eq!(says("saturation", 0.010_04), "its knee reaches 0.010 duty to either side of `max`");
     assert_eq!(says("second_pole", 0.4), "a third pole has 0.40 of the time constant of the second");
     assert_eq!(says("dead_band", -2.0), "its width shrinks by 20 % with each 0.1 duty of command");
@@ -343,6 +344,7 @@ fn a_neutral_shape_changes_no_digit_and_others_do() {
         "saturation",
         "dead_band",
         "backlash",
+        "slew_limit",
         "supply_sag",
         "quadratic_thrust",
         "asymmetric_lag",

@@ -1,6 +1,6 @@
 //! The ramps of a fleet's ESCs, side by side.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rotorlead_answer::{ColumnSpec, Table, build_table};
 use rotorlead_assess::fleet::{FEWEST_RAMPS, compare_ramps};
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::FleetRow;
 use crate::{EscRampValues, RampValues};
 
-/// The ramps of each motor's ESC.
+/// The ramps of each motor's ESC; of none where no log was diagnosed.
 pub(super) struct Ramps {
     motors: Vec<MotorRamp>,
     differ: bool,
@@ -22,6 +22,8 @@ struct MotorRamp {
     #[serde(flatten)]
     ramp: EscRampValues,
     is_odd: bool,
+    #[serde(skip)]
+    is_diagnosed: bool,
 }
 
 impl Ramps {
@@ -34,14 +36,23 @@ impl Ramps {
         }
         let ranges: Vec<_> = ramps.values().map(|ramp| [ramp.up.range(), ramp.down.range()]).collect();
         let compared = compare_ramps(&ranges);
-        let motors = ramps.into_iter().zip(compared.is_odd);
-        let motors = motors.map(|((motor, ramp), is_odd)| MotorRamp { motor: motor.to_owned(), ramp, is_odd });
-        Self { motors: motors.collect(), differ: compared.differ }
+        let of_motor = |motor: &str| {
+            let place = ramps.keys().position(|diagnosed| *diagnosed == motor);
+            MotorRamp {
+                motor: motor.to_owned(),
+                ramp: ramps.get(motor).copied().unwrap_or(EscRampValues::UNKNOWN),
+                is_odd: place.is_some_and(|place| compared.is_odd[place]),
+                is_diagnosed: place.is_some(),
+            }
+        };
+        let all: BTreeSet<&str> = rows.iter().map(|row| row.motor.as_str()).collect();
+        let motors = if ramps.is_empty() { Vec::new() } else { all.into_iter().map(of_motor).collect() };
+        Self { motors, differ: compared.differ }
     }
 
     /// Which is the odd one; `None` where too few were diagnosed.
     pub fn sentence(&self) -> Option<String> {
-        if self.motors.len() < FEWEST_RAMPS {
+        if self.motors.iter().filter(|motor| motor.is_diagnosed).count() < FEWEST_RAMPS {
             return None;
         }
         let odd: Vec<&MotorRamp> = self.motors.iter().filter(|motor| motor.is_odd).collect();
@@ -63,11 +74,14 @@ impl Ramps {
             ColumnSpec::words("motor", "motor", |one: &MotorRamp| one.motor.clone()),
             ColumnSpec::words("up", "up", |one: &MotorRamp| one.ramp.up.words()),
             ColumnSpec::words("down", "down", |one: &MotorRamp| one.ramp.down.words()),
-            ColumnSpec::words(
-                "note",
-                "",
-                |one: &MotorRamp| if one.is_odd { "the odd one".to_owned() } else { String::new() },
-            ),
+            ColumnSpec::words("note", "", |one: &MotorRamp| {
+                let note = match one {
+                    MotorRamp { is_diagnosed: false, .. } => "not diagnosed",
+                    MotorRamp { is_odd: true, .. } => "the odd one",
+                    _ => "",
+                };
+                note.to_owned()
+            }),
         ];
         let table = || build_table("fleet_esc_ramps", "Ramps of the ESCs, 95 % intervals", &columns, &self.motors);
         (!self.motors.is_empty()).then(table)
