@@ -306,6 +306,8 @@ impl RawParameter {
             && high >= least
         {
             value = value.clamp(least, most);
+            // That of the fitted value is not its own.
+            self.worst_error_percent = None;
             self.notes.push(format!(
                 "the measurement says {exact:.4}, beyond the {least} to {most} that the stack takes: its interval holds {value}"
             ));
