@@ -14,9 +14,10 @@ use std::time::{Duration, Instant};
 use rotorlead::capture::Signal;
 use rotorlead::controller::RequestHandler;
 use rotorlead::link::{
-    FRAME_BYTES, INJECT_WINDOW, Message, NOTICE_VERSION, Receiver, Request, Sensed, Series, Tagged, VERSION, encode,
+    FRAME_BYTES, INJECT_WINDOW, Message, NO_TURN, NOTICE_VERSION, Receiver, Request, Sensed, Series, Tagged, VERSION,
+    encode,
 };
-use rotorlead::settings::{Store, Validated};
+use rotorlead::settings::{MOTORS, Store, Validated};
 use rotorlead::throttle::Command;
 
 use crate::board::{CRYSTAL, TestBoard, facts};
@@ -82,9 +83,12 @@ impl Default for Pace {
 pub struct Stand {
     /// Time in seconds, to what the input of motor 0 has.
     pub input: Box<dyn FnMut(f64) -> Signal>,
-    /// The command that went to the ESC of motor 0 until now, and the time in seconds, to what is measured of it.
-    pub sensed: Box<dyn FnMut(f64, f64) -> Sensed>,
+    /// Of each motor that there is, the command that went to its ESC until now, and the time in seconds, to what is measured of it.
+    pub motors: Vec<Box<dyn FnMut(f64, f64) -> Sensed>>,
 }
+
+/// What is measured where there is no motor.
+const NOTHING: Sensed = Sensed { adc: 0, turn_us: NO_TURN };
 
 /// Timer ticks per second of the input's pulses.
 pub use crate::line::TIMER_HZ;
@@ -162,7 +166,7 @@ struct Controller {
     of_this: u32,
     /// The host's seconds since its last sign of life.
     silent: Duration,
-    output: f64,
+    outputs: [f64; MOTORS],
     ticks: u64,
     to_send: VecDeque<u8>,
     gone: bool,
@@ -189,7 +193,7 @@ impl Controller {
             streamed: 0,
             of_this: 0,
             silent: Duration::ZERO,
-            output: 0.0,
+            outputs: [0.0; MOTORS],
             ticks: 0,
             to_send: VecDeque::new(),
             gone: false,
@@ -291,12 +295,12 @@ impl Controller {
         for _ in 0..ticks {
             self.ticks += 1;
             let time_s = self.ticks as f64 / rate_hz;
-            let sensed = (self.stand.sensed)(self.output, time_s);
+            let motors = self.stand.motors.iter_mut().zip(self.outputs);
+            let sensed: Vec<Sensed> = motors.map(|(motor, output)| motor(output, time_s)).collect();
             let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
-            self.output = self.board.tick_mut().run(signals.map(Into::into), |_| sensed)[0]
-                .command()
-                .unwrap_or(Command::ZERO)
-                .to_f64();
+            let measured = |motor: usize| sensed.get(motor).copied().unwrap_or(NOTHING);
+            let outputs = self.board.tick_mut().run(signals.map(Into::into), measured);
+            self.outputs = outputs.map(|output| output.command().unwrap_or(Command::ZERO).to_f64());
         }
         self.poll();
     }

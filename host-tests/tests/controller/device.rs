@@ -93,7 +93,7 @@ impl Bench {
                 let adc = (response / NEWTONS_PER_COUNT + ZERO_COUNT).round() as u16;
                 Sensed { turn_us: if time_s < replies_until_s { turn_us(response) } else { NO_TURN }, adc }
             };
-            Stand { input: Box::new(input), sensed: Box::new(sensed) }
+            Stand { input: Box::new(input), motors: vec![Box::new(sensed)] }
         };
         let controller = StandIn::start(trouble, pace, stand);
         let folder = tempfile::tempdir().unwrap();

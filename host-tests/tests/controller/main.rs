@@ -21,4 +21,5 @@ mod safety;
 mod settings;
 mod slew;
 mod spikes;
+mod tune;
 mod whole;

@@ -91,6 +91,17 @@ pub enum DeviceError {
         /// Its tick.
         tick: u64,
     },
+    /// A motor turns faster than it may.
+    #[error("the motor turned at {rpm:.0} rpm, and --most-rpm allows {most_rpm:.0}: the excitation was stopped")]
+    #[diagnostic(help(
+        "is its propeller on, and --motor-poles the number of its magnets? Raise --most-rpm only where the motor may turn so fast"
+    ))]
+    TooFast {
+        /// Its speed.
+        rpm: f64,
+        /// The highest that is allowed.
+        most_rpm: f64,
+    },
     /// The recorded excitation is not the one that was asked for.
     #[error("the recording does not hold {rows} rows of the excitation that was asked for, bit for bit")]
     #[diagnostic(help(

@@ -108,6 +108,7 @@ pub fn play(
         while tape.recording.rows() < most_rows {
             let read = tape.recording.rows();
             tape.read(session)?;
+            tape.recording.check_limit(read.., sensors)?;
             // Up from where the motor turns for sure: it is not to turn for nothing.
             if read as f64 >= before as f64 + rows_before {
                 tape.recording.check_speed(read.., sensors)?;

@@ -107,6 +107,19 @@ impl Recording {
         if is_silent { Err(self.no_speed(first)) } else { Ok(()) }
     }
 
+    /// Whether the motor is as slow as it has to be.
+    ///
+    /// # Errors
+    /// [`DeviceError::TooFast`], where it is not in one of the rows.
+    pub(super) fn check_limit(&self, rows: RangeFrom<usize>, sensors: &Sensors) -> Result<(), DeviceError> {
+        let (Some(most_rpm), Some(motor_poles)) = (sensors.most_rpm, sensors.motor_poles) else { return Ok(()) };
+        let speeds = self.turn_us[rows].iter().filter_map(|&turn_us| rpm(turn_us, motor_poles));
+        match speeds.reduce(f64::max) {
+            Some(rpm) if rpm > most_rpm => Err(DeviceError::TooFast { rpm, most_rpm }),
+            _ => Ok(()),
+        }
+    }
+
     /// The first row of which these sensors say nothing.
     #[must_use]
     pub fn first_without(&self, sensors: &Sensors) -> Option<usize> {

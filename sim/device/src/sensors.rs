@@ -28,6 +28,8 @@ pub struct Sensors {
     pub thrust: Option<Calibration>,
     /// Magnets of the motor, where its speed is to be taken from the replies of its ESC (bidirectional DShot).
     pub motor_poles: Option<u8>,
+    /// The highest speed that the motor may reach while the controller excites it, revolutions per minute.
+    pub most_rpm: Option<f64>,
 }
 
 impl Sensors {

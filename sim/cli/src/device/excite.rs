@@ -9,7 +9,7 @@ use rotorlead::settings::Settings;
 use rotorlead_device::{DeviceError, Played, Sensors, Session};
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::files::AcceptedRange;
-use rotorlead_records::{Excitation, Record};
+use rotorlead_records::{Excitation, Record, Role};
 use serde_json::json;
 use thiserror::Error;
 
@@ -27,24 +27,45 @@ pub(super) struct Excite {
     pub(super) out: PathBuf,
     /// Commands around which to play, one record each
     #[arg(long, value_name = "U,U,...", value_delimiter = ',', required = true, value_parser = number(AcceptedRange::DUTY))]
-    nominal: Vec<f64>,
+    pub(super) nominal: Vec<f64>,
+    /// The motor, from 0
+    #[arg(long, default_value_t = 0)]
+    pub(super) motor: u8,
+    /// The speed that the motor may not reach, revolutions per minute; all stops beyond it
+    #[arg(long, value_name = "RPM", value_parser = number(AcceptedRange::NUMBER), requires = "motor_poles")]
+    pub(super) most_rpm: Option<f64>,
+    #[command(flatten)]
+    pub(super) played: PlayedArguments,
+    #[command(flatten)]
+    pub(super) sensor: Sensor,
+    /// What the records are for; the tools choose where none is given.
+    #[arg(skip)]
+    pub(super) role: Option<Role>,
+}
+
+/// What is played around each command.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct PlayedArguments {
     /// Peak deviation of the command
     #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(AcceptedRange::AMPLITUDE))]
-    amplitude: f64,
+    pub(super) amplitude: f64,
     /// The lines
     #[arg(long, value_enum, default_value_t = Lines::Hz30)]
     lines: Lines,
     /// Periods to keep; one more is played before them
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
     periods: u16,
-    /// The motor, from 0
-    #[arg(long, default_value_t = 0)]
-    motor: u8,
     /// One row in so many control ticks
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=5000))]
     divisor: u16,
-    #[command(flatten)]
-    sensor: Sensor,
+}
+
+impl PlayedArguments {
+    /// How long a motor turns for one record, seconds.
+    pub(super) fn seconds(self, settings: &Settings) -> f64 {
+        let around_s = (f64::from(settings.excitation.arm_ms) + 2.0 * f64::from(settings.excitation.ramp_ms)) / 1000.0;
+        around_s + f64::from(self.periods + 1) * f64::from(self.lines.set().lines().period_s())
+    }
 }
 
 /// A set of lines that the controller has.
@@ -56,6 +77,15 @@ enum Lines {
     /// 225 lines up to 44.9 Hz, to validate a compensated one
     #[value(name = "45hz")]
     Hz45,
+}
+
+impl Lines {
+    fn set(self) -> LineSet {
+        match self {
+            Self::Hz30 => LineSet::Odd30Hz,
+            Self::Hz45 => LineSet::Odd45Hz,
+        }
+    }
 }
 
 /// A series of records that ended early.
@@ -74,8 +104,10 @@ impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
         // No input is live: output frames come at their own rate.
-        let (frame_hz, sensors) = (bench_frame_hz(&settings), self.sensor.sensors(&settings)?);
-        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, self.divisor, frame_hz, sensors.output())?;
+        let frame_hz = bench_frame_hz(&settings);
+        let sensors = Sensors { most_rpm: self.most_rpm, ..self.sensor.sensors(&settings)? };
+        let divisor = self.played.divisor;
+        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, frame_hz, sensors.output())?;
         let (mut files, mut rows) = (Vec::new(), 0);
         for (index, &nominal) in self.nominal.iter().enumerate() {
             let done = std::cell::Cell::new((0, 0));
@@ -102,12 +134,9 @@ impl Excite {
         nominal: f64,
         done: &std::cell::Cell<(usize, usize)>,
     ) -> Result<Record, DeviceError> {
-        let lines = match self.lines {
-            Lines::Hz30 => LineSet::Odd30Hz,
-            Lines::Hz45 => LineSet::Odd45Hz,
-        };
-        let Self { motor, amplitude, periods, divisor, .. } = *self;
-        let played = Played { motor, lines, nominal, amplitude, periods, divisor };
+        let lines = self.played.lines.set();
+        let PlayedArguments { amplitude, periods, divisor, .. } = self.played;
+        let played = Played { motor: self.motor, lines, nominal, amplitude, periods, divisor };
         let bar = progress::bar("playing", 1);
         let excited = rotorlead_device::play(session, settings, &played, sensors, &|rows, total| {
             bar.set_length(total as u64);
@@ -116,7 +145,8 @@ impl Excite {
         })?;
         bar.finish_and_clear();
         // The folder names it.
-        excited.to_record(&played, settings, String::new(), sensors)
+        let record = excited.to_record(&played, settings, String::new(), sensors)?;
+        Ok(Record { role: self.role, ..record })
     }
 
     /// What to do after the record number `index` failed.

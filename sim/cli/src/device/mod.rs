@@ -6,6 +6,7 @@ mod folder;
 mod inject;
 mod record;
 mod set;
+mod tune;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -66,6 +67,8 @@ enum Action {
     Record(record::Record),
     /// Has the controller play multisines on a motor, and records them. Nothing else may drive the motor
     Excite(excite::Excite),
+    /// Measures the motors of a vehicle one after the other, designs their compensator and stores it, with a question before each
+    Tune(tune::Tune),
     /// Plays a plan through the controller's filter into a simulated motor, without pulses
     Inject(inject::Inject),
 }
@@ -76,6 +79,7 @@ impl Action {
         match self {
             Self::Record(options) => Some(&options.out),
             Self::Excite(options) => Some(&options.out),
+            Self::Tune(options) => Some(&options.out),
             Self::Inject(options) => Some(&options.out),
             _ => None,
         }
@@ -107,6 +111,7 @@ impl Device {
             }
             Action::Record(options) => options.run(&mut session),
             Action::Excite(options) => options.run(&mut session),
+            Action::Tune(options) => options.run(&mut session),
             Action::Inject(options) => return options.run(&mut session),
         }?;
         Ok((outcome, Ok(())))

@@ -21,7 +21,7 @@ use crate::parameters::number;
 use crate::progress;
 
 /// What measures the response.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[group(required = true, multiple = true)]
 pub(super) struct Sensor {
     /// Thrust sensor: newtons per count of the converter
@@ -46,7 +46,7 @@ impl Sensor {
     pub(super) fn sensors(&self, settings: &Settings) -> Result<Sensors, DeviceError> {
         let thrust = self.newtons_per_count.zip(self.zero_count);
         let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });
-        let sensors = Sensors { thrust, motor_poles: self.motor_poles };
+        let sensors = Sensors { thrust, motor_poles: self.motor_poles, most_rpm: None };
         sensors.check(settings)?;
         Ok(sensors)
     }
