@@ -52,7 +52,7 @@ impl Rotor {
         move |command, time_s| {
             most.fetch_max((1e6 * command) as u32, Ordering::Relaxed);
             // The ESC gets a frame in so many ticks, and holds what it says.
-            if (LOOP_HZ * time_s).round() as u64 % FRAME_TICKS == 0 {
+            if ((LOOP_HZ * time_s).round() as u64).is_multiple_of(FRAME_TICKS) {
                 framed = command;
             }
             let settled = self.rpm(framed);
