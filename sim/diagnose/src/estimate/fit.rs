@@ -239,6 +239,17 @@ impl Fit {
         excludes.next().is_none_or(|first| first || excludes.any(|excludes| excludes))
     }
 
+    /// Whether the interval of 95 % of the shape of an effect excludes that of the catalog's law.
+    pub fn excludes_shape(&self, effect: usize) -> bool {
+        let candidate = &self.hypothesis.effects[effect];
+        candidate.kind.shape().is_some_and(|(value, shape)| {
+            let neutral = shape.default().unwrap_or(shape.null);
+            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+            let std = std * slope(shape, candidate.values[value]).abs();
+            (candidate.values[value] - neutral).abs() > STANDARD_ERRORS_OF_95_PERCENT * std
+        })
+    }
+
     /// Standard deviation of a coordinate, by the noise.
     pub fn std(&self, coordinate: Coordinate) -> Option<f64> {
         let place = self.coordinates.iter().position(|other| *other == coordinate)?;

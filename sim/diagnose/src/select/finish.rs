@@ -23,7 +23,8 @@ const BENT: usize = 4;
 /// Changes that stand alone and say this of frames, in log likelihood, say that there are none. Standard: odds of 20 to 1 are strong
 /// evidence (Kass & Raftery 1995). Lower, frames are searched in vain, which costs time; higher, some are not looked for.
 const ALL_ALIKE: f64 = -3.0;
-/// By how much a shape has to lower the chi-square. Standard: less is within the 95 % interval of the catalog's law.
+/// By how much a shape has to lower the chi-square where its standard error says nothing, as of one without end. Standard: less is within the
+/// 95 % interval of the catalog's law.
 const NO_SHAPE: f64 = STANDARD_ERRORS_OF_95_PERCENT * STANDARD_ERRORS_OF_95_PERCENT;
 /// Starts of a kind that bends far that are fitted. Chosen: for either end of its shape one; more cost only time.
 const STARTS_FAR: usize = 2;
@@ -105,7 +106,7 @@ impl Search<'_> {
                 let mut start = member.fit.hypothesis.clone();
                 start.effects[place] = bent;
                 // A shape that may as well be the catalog's bends nothing.
-                self.further(&start, behind).filter(|bent| member.fit.chi_square - bent.fit.chi_square > NO_SHAPE)
+                self.further(&start, behind).filter(|member| member.fit.excludes_shape(place))
             })
             .collect()
     }
