@@ -190,7 +190,7 @@ fn a_motor_that_does_not_answer_is_not_turned_for_long() {
 }
 
 #[test]
-fn a_line_that_breaks_leaves_the_settings() {
+fn where_the_line_breaks_it_is_said_that_no_setting_was_changed() {
     let vehicle = Vehicle::new(Trouble::Vanishes(300), &[Rotor::new(0.05)]);
     let error = vehicle.device(&format!("tune --yes --out @tuned --motors 0 {LEVELS} --motor-poles 14")).unwrap_err();
     assert!(error.contains("motor 0 was not measured, and no setting was changed"), "{error}");
@@ -202,6 +202,8 @@ fn what_cannot_be_tuned_is_refused_before_a_motor_turns() {
     for (arguments, said) in [
         ("--motors 4 --nominal 0.4 --most-rpm 9000 --motor-poles 14", "there is no motor 4"),
         ("--motors 0 --nominal 0.4 --motor-poles 14", "--most-rpm"),
+        ("--motors 0,0 --nominal 0.4 --most-rpm 9000 --motor-poles 14", "names a motor twice"),
+        ("--motors 0 --nominal 0.4 --most-rpm 9000 --newtons-per-count 2e-4 --zero-count 10000", "--motor-poles"),
         ("--motors 0 --nominal 0.4 --most-rpm 9000", "required"),
     ] {
         let error = vehicle.refused(arguments);

@@ -64,7 +64,7 @@ impl PlayedArguments {
     /// How long a motor turns for one record, seconds.
     pub(super) fn seconds(self, settings: &Settings) -> f64 {
         let around_s = (f64::from(settings.excitation.arm_ms) + 2.0 * f64::from(settings.excitation.ramp_ms)) / 1000.0;
-        around_s + f64::from(self.periods + 1) * f64::from(self.lines.set().lines().period_s())
+        around_s + (f64::from(self.periods) + 1.0) * f64::from(self.lines.set().lines().period_s())
     }
 }
 

@@ -52,7 +52,7 @@ pub(super) struct Tune {
     nominal: Vec<f64>,
     /// The speed that no motor may reach, revolutions per minute: by its maker's table, with its propeller, at the highest of the commands,
     /// and a tenth more. Beyond it all stops
-    #[arg(long, value_name = "RPM", value_parser = number(AcceptedRange::NUMBER), required_unless_present = "newtons_per_count")]
+    #[arg(long, value_name = "RPM", value_parser = number(AcceptedRange::NUMBER), requires = "motor_poles", required_unless_present = "newtons_per_count")]
     most_rpm: Option<f64>,
     #[command(flatten)]
     played: PlayedArguments,
@@ -170,6 +170,10 @@ impl Tune {
                 format!("there is no motor {motor}"),
                 format!("count them from 0 to {}", MOTORS - 1),
             ));
+        }
+        let is_twice = |(index, motor): (usize, &u8)| self.motors[..index].contains(motor);
+        if self.motors.iter().enumerate().any(is_twice) {
+            return Err(UsageError::new("--motors names a motor twice", "name each once"));
         }
         Ok(levels)
     }
