@@ -87,8 +87,9 @@ pub fn identify_flights(experiment: &Experiment) -> Result<FlightIdentification,
     let thinned = thin::thinned(experiment);
     let experiment = thinned.as_ref().unwrap_or(experiment);
     let records: Vec<&Record> = experiment.records.iter().filter(|record| is_flight_to_fit(record)).collect();
-    let motors: Vec<Motor> =
-        records.par_iter().map(|record| Motor::fit(experiment, record)).collect::<Result<_, IdentifyError>>()?;
+    let fits: Vec<_> = records.par_iter().map(|record| Motor::fit(experiment, record)).collect();
+    // The error is that of the first faulty record, whichever is found first.
+    let motors: Vec<Motor> = fits.into_iter().collect::<Result<_, IdentifyError>>()?;
     let points: Vec<Point> = levels(&motors).into_iter().map(|level| point(&motors, level)).collect();
     let found = FlightIdentification {
         curve: curve(&motors, &points),

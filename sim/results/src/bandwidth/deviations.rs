@@ -25,10 +25,11 @@ pub fn deviations<Step: Fn() + Sync>(
     let compensators = std::iter::once((name, given)).chain(lead.iter().map(|lead| ("C(s)", lead)));
     let all: Vec<_> = compensators.flat_map(|each| DEVIATIONS.iter().map(move |deviation| (each, deviation))).collect();
     let step = progress(all.len());
-    let found = all.into_par_iter().map(|((compensator, design), deviation)| {
+    let simulated = all.into_par_iter().map(|((compensator, design), deviation)| {
         let found = robustness(model, design, deviation, esc_frame_hz)?;
         step();
         Ok(DeviatingActuator { compensator, deviation: deviation.name, found })
     });
-    found.collect()
+    // The error is that of the first faulty one, whichever is found first.
+    simulated.collect::<Vec<miette::Result<_>>>().into_iter().collect()
 }
