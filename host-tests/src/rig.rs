@@ -314,7 +314,7 @@ impl Rig {
             }
             let before = self.to_controller.len();
             let line = &mut self.to_controller;
-            let received = || {
+            let received = |_| {
                 let byte = if bytes_in > 0 { line.pop_front() } else { None };
                 bytes_in -= usize::from(byte.is_some());
                 byte

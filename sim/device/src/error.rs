@@ -192,6 +192,7 @@ fn remedy(refusal: &Refusal) -> &'static str {
             "start again: the line lost a frame, this program was held up for a second, or another one uses the line"
         }
         Refusal::NoDshot => "use pulses, or a board that speaks DShot: docs/board-rp2040.md is one",
+        Refusal::NoBootLoader => "flash it by its button or probe: see the page of the board",
         Refusal::Divisor => "give a divisor from 1 to 5000",
     }
 }
