@@ -47,6 +47,9 @@ pub use series::{Full, Series};
 
 /// Bits per second of the link, each way. It divides the bus clocks of the STM32F405's clock sources exactly.
 pub const BAUD: u32 = 1_000_000;
+/// Vendor and product by which a board shows itself at USB: pid.codes' pair for private tests, which others use, too. A device that is
+/// sold or given away needs a pair of its own; pid.codes gives them to open projects.
+pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// Bytes per second: a start bit, 8 bits of data and a stop bit each.
 pub const BYTES_PER_S: u32 = BAUD / 10;
 /// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits and

@@ -2,17 +2,14 @@
 //!
 //! Source: Universal Serial Bus Specification 2.0, chapter 9; Class Definitions for Communications Devices 1.2, and its PSTN subclass.
 
+use rotorlead::link::USB_ID;
+
 /// Bytes of the largest packet, at full speed.
 pub const PACKET_BYTES: usize = 64;
 /// The endpoint that would say of the lines of a modem, which this has not.
 pub const NOTICE_ENDPOINT: u8 = 1;
 /// The endpoint of the link's bytes, both ways.
 pub const DATA_ENDPOINT: u8 = 2;
-
-/// pid.codes' pair for private tests: a device that is sold or given away needs a pair of its own, which pid.codes gives to open projects.
-pub const VENDOR_ID: u16 = 0x1209;
-/// As above. Others test with it, too.
-pub const PRODUCT_ID: u16 = 0x0001;
 
 const INTO_HOST: u8 = 0x80;
 const TO_ENDPOINT: u8 = 0x02;
@@ -30,10 +27,10 @@ const DEVICE: [u8; 18] = [
     0,
     0,
     PACKET_BYTES as u8,
-    VENDOR_ID as u8,
-    (VENDOR_ID >> 8) as u8,
-    PRODUCT_ID as u8,
-    (PRODUCT_ID >> 8) as u8,
+    USB_ID.0 as u8,
+    (USB_ID.0 >> 8) as u8,
+    USB_ID.1 as u8,
+    (USB_ID.1 >> 8) as u8,
     // Release 1.0; strings 1 and 2, no serial number; one configuration.
     0x00,
     0x01,
