@@ -15,6 +15,7 @@
 //! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at. A controller answers
 //!   it with a notice, which every version reads: the version [`NOTICE_VERSION`], the tag, and as its body a byte, the version that
 //!   the controller speaks.
+//! - Of several wires, as a UART and USB, the one that the last request came on has the link: what comes unasked goes there.
 //! - The tag is the host's: a reply carries the tag of its request. [`Message::Record`] comes unasked, with the tag of
 //!   the request that started the recording.
 //! - postcard writes an enum's variant as its number, integers as LEB128 (signed ones zigzag), `u8` and `bool` as a byte,
