@@ -115,7 +115,9 @@ impl Usb {
             has_received: false,
             erratum: Erratum::None,
         };
-        // What its memory has after a reset, nobody says.
+        // A reset leaves the controller's memory as the boot ROM's loader had it.
+        usb.memory.ep_control_iter().for_each(|control| control.reset());
+        usb.memory.ep_buffer_control_iter().for_each(|control| control.reset());
         usb.reset_endpoints();
         let registers = &usb.registers;
         registers.usb_muxing().write(|w| {
