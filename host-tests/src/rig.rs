@@ -313,7 +313,7 @@ impl Rig {
                 && let Some(byte) = self.server.next_byte()
             {
                 bytes -= 1;
-                self.hear(byte);
+                self.receive(byte);
             }
             if bytes == 0 {
                 return;
@@ -329,7 +329,7 @@ impl Rig {
             match self.server.next_byte() {
                 Some(byte) => {
                     bytes -= 1;
-                    self.hear(byte);
+                    self.receive(byte);
                 }
                 // Nothing to say, and nothing was taken from the line.
                 None if self.to_controller.len() == before => return,
@@ -338,7 +338,7 @@ impl Rig {
         }
     }
 
-    fn hear(&mut self, byte: u8) {
+    fn receive(&mut self, byte: u8) {
         if self.server.written_to() == self.wire {
             self.inbox.extend(self.receiver.push(byte));
         } else {

@@ -139,7 +139,7 @@ impl Control {
         Self { stage: Stage::Idle, line_coding: [0x40, 0x42, 0x0f, 0, 0, 0, 8], is_configured: false }
     }
 
-    /// A transfer begins, whatever became of the one before.
+    /// A transfer starts, whatever became of the one before.
     pub fn setup(&mut self, setup: [u8; 8]) -> (Step<'_>, Option<Change>) {
         let [kind, request, value, value_high, index, _, length, length_high] = setup;
         let length = u16::from_le_bytes([length, length_high]);
