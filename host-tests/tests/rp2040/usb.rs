@@ -3,7 +3,7 @@
 use emulator::rp2040::{Emulator, Handler, Plug, PlugEvent, Run, Trace};
 use host_tests::pins::{self, OUTPUT_1, ms};
 use rotorlead::dshot::Speed;
-use rotorlead::link::{ExciteRequest, LineSet, Message, Record, RecordRequest, Refusal, Request};
+use rotorlead::link::{ExciteRequest, Faults, LineSet, Message, Record, RecordRequest, Refusal, Request};
 use rotorlead::settings::{DEAD_MAN_MS, Pulse, PulseProtocol, Settings};
 use rotorlead::throttle::Command;
 use rotorlead_rp2040::generated::USB_RESERVED;
@@ -108,6 +108,13 @@ fn recorded(messages: &[Message]) -> Vec<(i32, i32)> {
     records.flat_map(rows).collect()
 }
 
+/// What the UART was answered to the request for it.
+fn faults(trace: &Trace) -> Faults {
+    let mut answers = answers(trace).into_iter();
+    let faults = answers.find_map(|answer| if let Message::Faults(faults) = answer { Some(faults) } else { None });
+    faults.expect("the UART has the controller's ear")
+}
+
 /// What goes out from the first command on that is no stop.
 fn played(trace: &Trace) -> Vec<u16> {
     let frames = pins::decode_frames(trace, OUTPUT_1, Speed::Dshot600, 1.0);
@@ -141,7 +148,7 @@ fn an_excitation_and_its_record_are_the_same_by_usb_as_by_the_uart() {
     assert_eq!(uart_rows[..common], usb_rows[..common]);
     for (name, trace) in [("UART", &by_uart), ("USB", &by_usb)] {
         let ticks = handler(trace, SYSTICK);
-        let Some(Message::Faults(faults)) = answers(trace).pop() else { panic!("{:?}", answers(trace)) };
+        let faults = faults(trace);
         assert_eq!((faults.missed_deadlines, faults.record_dropped), (0, 0));
         println!("by the {name}: {} ticks, of which the longest took {} cycles", ticks.calls, ticks.most_cycles);
         assert!(ticks.calls.abs_diff(200) <= 1, "{} ticks", ticks.calls);
@@ -180,7 +187,7 @@ fn a_motor_stops_when_the_host_is_unplugged_sleeps_or_reads_nothing() {
         let ticks = handler(&trace, SYSTICK);
         let expected = (run.until_cycle - STARTED) / ms(1.0);
         assert!(ticks.calls.abs_diff(expected) <= 1, "{what:?}: {} ticks of {expected}", ticks.calls);
-        let Some(Message::Faults(faults)) = answers(&trace).pop() else { panic!("{what:?}: {:?}", answers(&trace)) };
+        let faults = faults(&trace);
         assert_eq!((faults.missed_deadlines, faults.dead_man), (0, 1), "{what:?}: {faults:?}");
     }
 }
