@@ -51,7 +51,7 @@ fn longest_tick(loop_rate_hz: u32, lines: LineSet) -> u64 {
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]
-fn an_excitation_takes_no_more_of_a_tick_than_the_controller_reckons_and_leaves_a_third_of_it() {
+fn an_excitation_leaves_a_third_of_the_tick() {
     for (loop_rate_hz, lines) in [(5000, LineSet::Odd30Hz), (5000, LineSet::Odd45Hz), (1000, LineSet::Odd45Hz)] {
         let longest = longest_tick(loop_rate_hz, lines);
         let found = longest as f64 * f64::from(loop_rate_hz) / CYCLES_PER_S as f64;
