@@ -328,7 +328,8 @@ impl<F: NorFlash> RequestHandler<F> {
             return Err(Refusal::TooLong { max_duration_s });
         }
         let (core_hz, loop_rate_hz) = (board.facts().clocks.core_hz, self.settings.loop_rate_hz);
-        let percent = load::percent(lines.count(), loop_rate_hz, core_hz);
+        let ticks_per_period = loop_rate_hz.saturating_mul(lines.period_s());
+        let percent = load::percent(lines.per_tick(ticks_per_period), loop_rate_hz, core_hz);
         if percent > MAX_LOAD_PERCENT {
             // Sets of lines are counted in hundreds.
             return Err(Refusal::TooSlow { lines: lines.count() as u16, loop_rate_hz, core_hz, percent });
