@@ -33,7 +33,7 @@ struct Costs {
     byte_cycles: u32,
 }
 
-/// Of the core that this is compiled for: without a product of 64 bits a tick of four inverses, a line, and a byte take 5162, 184
+/// Of the core that this is compiled for: without a product of 64 bits a tick of four inverses, a line, and a byte take 5162, 174
 /// and 220 cycles.
 const COSTS: Costs = if cfg!(narrow_multiplier) {
     Costs { tick_cycles: 5200, line_cycles: 190, byte_cycles: 220 }

@@ -61,9 +61,7 @@ impl Grid {
         // At most 13 times 1023.
         let least = POINTS_PER_TOP_PERIOD * lines.top_harmonic();
         let mut shift = 0;
-        while shift < MAX_SHIFT
-            && ticks_per_period.trailing_zeros() > shift
-            && ticks_per_period >> (shift + 1) >= least
+        while shift < MAX_SHIFT && ticks_per_period.trailing_zeros() > shift && ticks_per_period >> (shift + 1) >= least
         {
             shift += 1;
         }

@@ -106,13 +106,16 @@ impl<'a> Lines<'a> {
 
     /// What `count` lines from the line `first` on, or as many as there are, add to [`Self::sum`]. It may wrap: additions
     /// modulo 2^64 end at the same value in any order, and the whole sum is below [`Self::PEAK_LIMIT`].
+    // In line it would find too few registers left for its loop.
+    #[inline(never)]
     pub(super) fn partial_sum(&self, turn: u64, first: usize, count: usize) -> i64 {
         // Harmonic m is m turns ahead: from one odd harmonic to the next, twice the first's turn.
         let step = turn.wrapping_mul(2);
         let mut harmonic_turn = turn.wrapping_add(step.wrapping_mul(first as u64));
         let mut sum = 0_i64;
         let wave = QuarterWave::new();
-        for &phase in self.phases.get(first..).unwrap_or_default().iter().take(count) {
+        let end = first.saturating_add(count).min(self.phases.len());
+        for &phase in self.phases.get(first..end).unwrap_or_default() {
             let high = (harmonic_turn >> 32) as u32;
             sum = sum.wrapping_add(wave.cosine(high.wrapping_add(phase)));
             harmonic_turn = harmonic_turn.wrapping_add(step);

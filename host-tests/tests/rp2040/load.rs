@@ -56,7 +56,11 @@ fn an_excitation_leaves_a_third_of_the_tick() {
         let longest = longest_tick(loop_rate_hz, lines);
         let found = longest as f64 * f64::from(loop_rate_hz) / CYCLES_PER_S as f64;
         let lines = lines.lines();
-        println!("{} lines at {loop_rate_hz} Hz take {longest} cycles in a tick, {:.1} % of it", lines.count(), 100.0 * found);
+        println!(
+            "{} lines at {loop_rate_hz} Hz take {longest} cycles in a tick, {:.1} % of it",
+            lines.count(),
+            100.0 * found
+        );
         assert!(found < 2.0 / 3.0);
     }
 }
