@@ -108,7 +108,7 @@ mod app {
             if to_send.len() > 0 {
                 rtic::pend(Interrupt::USART3);
             }
-            if !server.poll(|| received.dequeue(), &mut board) {
+            if !server.poll(|_| received.dequeue(), &mut board) {
                 // Not WFI: an interrupt since the look above is an event, and there is no sleep.
                 cortex_m::asm::wfe();
             }

@@ -9,13 +9,17 @@ pub(crate) const fn signed(a: i32, b: i32) -> i64 {
     if cfg!(narrow_multiplier) { signed_from_halves(a, b) } else { a as i64 * b as i64 }
 }
 
+/// As [`from_halves`], with high halves that have a sign: `2^15 * (2^16 - 1) + 2^16 - 1 < 2^31`.
 #[inline(always)]
 const fn signed_from_halves(a: i32, b: i32) -> i64 {
-    // Taken for unsigned, a negative factor is 2^32 too much, which adds the other one to the high word.
-    let product = from_halves(a.cast_unsigned(), b.cast_unsigned());
-    let too_much = ((a >> 31) & b).wrapping_add((b >> 31) & a);
-    let high = ((product >> 32) as u32).wrapping_sub(too_much.cast_unsigned());
-    ((high as u64) << 32 | product as u32 as u64).cast_signed()
+    const LOW: i32 = 0xffff;
+    let (a_low, a_high, b_low, b_high) = (a & LOW, a >> 16, b & LOW, b >> 16);
+    let low = a_low.cast_unsigned() * b_low.cast_unsigned();
+    let first = a_high * b_low + (low >> 16).cast_signed();
+    let second = a_low * b_high + (first & LOW);
+    let high = a_high * b_high + (first >> 16) + (second >> 16);
+    let low = second.cast_unsigned() << 16 | low & LOW.cast_unsigned();
+    (high as i64) << 32 | low as i64
 }
 
 /// `a * b`.

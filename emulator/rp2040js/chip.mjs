@@ -6,6 +6,7 @@ import { Pads } from './pads.mjs';
 import { Pio } from './pio.mjs';
 import { Rom } from './rom.mjs';
 import { Uart } from './uart.mjs';
+import { Usb } from './usb.mjs';
 import { Watchdog } from './watchdog.mjs';
 
 // At 125 MHz, which the boards run at. rp2040js counts time in nanoseconds, of which this is a whole number.
@@ -34,6 +35,7 @@ export class Chip {
     this.pio = new Pio(this.rp2040);
     this.pads = new Pads(machine, this.rp2040, this.pio, before?.pads);
     this.uart = new Uart(machine, this.rp2040);
+    this.usb = new Usb(machine, this.rp2040, before?.usb);
     this.watchdog = new Watchdog(machine, this.rp2040, before?.watchdog);
   }
 

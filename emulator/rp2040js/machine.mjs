@@ -13,6 +13,10 @@ export class Machine {
     this.edges = [];
     this.conflicts = [];
     this.uart = [];
+    this.usb = [];
+    this.usbSetUps = [];
+    // When the boot ROM's loader was called.
+    this.bootLoader = null;
     this.resets = [];
     this.faults = [];
     this.unmodelled = new Set();
@@ -123,9 +127,16 @@ export class Machine {
 
   // The watchdog resets everything but memory, its own scratch registers, and the reason.
   restart() {
-    const { isForced, isOfCoreAlone } = this.bite;
-    this.resets.push({ cycle: this.now, is_forced: isForced });
+    const { isForced, isOfCoreAlone, isForLoader } = this.bite;
     this.bite = null;
+    if (isForLoader) {
+      // The loader goes on, which is not modelled, and the chip's pins are as after any reset.
+      this.bootLoader = this.now;
+      this.chip = new Chip(this, this.chip);
+      this.chip.core.isLocked = true;
+      return;
+    }
+    this.resets.push({ cycle: this.now, is_forced: isForced });
     if (isOfCoreAlone) {
       this.chip.core.reset();
     } else {
@@ -135,7 +146,7 @@ export class Machine {
   }
 
   trace() {
-    const { edges, conflicts, uart, resets, faults, chip, request, now } = this;
+    const { edges, conflicts, uart, usb, usbSetUps, bootLoader, resets, faults, chip, request, now } = this;
     const memory = request.memory.map(({ address, length }) => chip.read(address, length));
     const { flashOperations, powerIsCut, unmodelled } = this;
     return {
@@ -143,6 +154,9 @@ export class Machine {
       edges,
       conflicts,
       uart,
+      usb,
+      usb_set_ups: usbSetUps,
+      boot_loader: bootLoader,
       resets,
       faults,
       handlers: this.handlers.trace(),

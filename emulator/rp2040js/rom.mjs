@@ -1,4 +1,4 @@
-// The boot ROM's functions that write the flash, and the table that firmware finds them in. Of its code nothing is there.
+// The boot ROM's functions that write the flash and call its loader, and the table that firmware finds them in. Of its code nothing is there.
 
 const FLASH_START = 0x10000000;
 const FLASH_END = 0x14000000;
@@ -13,7 +13,7 @@ const WAIT_CYCLES = 20;
 
 // Where the functions are said to be. No other address of the ROM may be called.
 const LOOKUP = 0x100;
-const FUNCTIONS = { IF: 0x200, EX: 0x204, RE: 0x208, RP: 0x20c, FC: 0x210, CX: 0x214 };
+const FUNCTIONS = { IF: 0x200, EX: 0x204, RE: 0x208, RP: 0x20c, FC: 0x210, CX: 0x214, UB: 0x218 };
 const TABLE = 0x300;
 
 const SSI = 0x18000;
@@ -67,6 +67,9 @@ export class Rom {
       case FUNCTIONS.CX:
         this.isFlashBusy = false;
         break;
+      case FUNCTIONS.UB:
+        this.machine.bite = { isForLoader: true };
+        return CALL_CYCLES;
       case FUNCTIONS.IF:
       case FUNCTIONS.FC:
         break;

@@ -1,5 +1,5 @@
-// What the world outside does to the chip, each at its cycle: edges at pins, voltages at the converter, bytes for the UART,
-// words put into memory.
+// What the world outside does to the chip, each at its cycle: edges at pins, voltages at the converter, bytes for the UART
+// and for USB, what becomes of the plug, words put into memory.
 
 const BITS_OF_A_BYTE = 10;
 
@@ -16,6 +16,8 @@ export class Stimuli {
         cycle,
         apply: ({ chip }) => chip.rp2040.writeUint32(address, value),
       })),
+      ...run.usb_in.map(({ cycle, bytes }) => ({ cycle, apply: ({ chip }) => chip.usb.send(bytes) })),
+      ...run.plug.map(({ cycle, what }) => ({ cycle, apply: ({ chip }) => chip.usb.apply(what) })),
       ...run.uart_in.map(({ cycle, bytes }) => ({ cycle, apply: (machine) => this.send(machine, bytes) })),
     ].sort((a, b) => a.cycle - b.cycle);
     this.index = 0;

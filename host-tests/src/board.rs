@@ -41,7 +41,8 @@ pub const INTERNAL: ClockReport =
 /// What a board with these clocks says of itself.
 #[must_use]
 pub const fn facts(clocks: ClockReport) -> BoardFacts {
-    BoardFacts { clocks, reset: ResetReason::PowerOn, brown_out: BrownOut::Level3, speaks_dshot: true }
+    let (reset, brown_out) = (ResetReason::PowerOn, BrownOut::Level3);
+    BoardFacts { clocks, reset, brown_out, speaks_dshot: true, has_boot_loader: true }
 }
 
 /// A timer whose count and edges a test sets, be it in use.

@@ -170,7 +170,11 @@ pub fn saved(settings: &Validated) -> SharedFlash {
 pub struct Rig {
     /// The board.
     pub hardware: Hardware,
-    server: Server<SharedFlash>,
+    server: Server<SharedFlash, 2>,
+    /// The wire that the host is at.
+    pub wire: usize,
+    /// Bytes that went to the other one.
+    pub elsewhere: usize,
     receiver: Receiver<Message>,
     scale: PulseScale,
     tag: u8,
@@ -228,6 +232,8 @@ impl Rig {
         let rig = Self {
             hardware,
             server: Server::new(handler),
+            wire: 0,
+            elsewhere: 0,
             receiver: Receiver::new(),
             scale,
             tag: 0,
@@ -307,15 +313,15 @@ impl Rig {
                 && let Some(byte) = self.server.next_byte()
             {
                 bytes -= 1;
-                self.inbox.extend(self.receiver.push(byte));
+                self.receive(byte);
             }
             if bytes == 0 {
                 return;
             }
             let before = self.to_controller.len();
-            let line = &mut self.to_controller;
-            let received = || {
-                let byte = if bytes_in > 0 { line.pop_front() } else { None };
+            let (line, wire) = (&mut self.to_controller, self.wire);
+            let received = |at| {
+                let byte = if bytes_in > 0 && at == wire { line.pop_front() } else { None };
                 bytes_in -= usize::from(byte.is_some());
                 byte
             };
@@ -323,13 +329,27 @@ impl Rig {
             match self.server.next_byte() {
                 Some(byte) => {
                     bytes -= 1;
-                    self.inbox.extend(self.receiver.push(byte));
+                    self.receive(byte);
                 }
                 // Nothing to say, and nothing was taken from the line.
                 None if self.to_controller.len() == before => return,
                 None => {}
             }
         }
+    }
+
+    fn receive(&mut self, byte: u8) {
+        if self.server.written_to() == self.wire {
+            self.inbox.extend(self.receiver.push(byte));
+        } else {
+            self.elsewhere += 1;
+        }
+    }
+
+    /// Whether the board is to call its boot loader.
+    #[must_use]
+    pub const fn is_leaving(&self) -> bool {
+        self.server.is_leaving()
     }
 
     /// Sends a request and serves until there is an answer, which must come without a tick.

@@ -70,7 +70,8 @@ impl Board {
         // An open line reads as idle.
         let pins = (gpioc.pc10, gpioc.pc11.internal_pull_up(true));
         let serial = Serial::new(device.USART3, pins, queues.received, queues.to_send, &mut rcc);
-        let facts = BoardFacts { clocks, reset, brown_out: supply::brown_out(&device.FLASH), speaks_dshot: false };
+        let brown_out = supply::brown_out(&device.FLASH);
+        let facts = BoardFacts { clocks, reset, brown_out, speaks_dshot: false, has_boot_loader: false };
         Self {
             capture,
             control: ControlParts {

@@ -164,6 +164,8 @@ pub struct BoardFacts {
     pub brown_out: BrownOut,
     /// Whether its pins can have frames of DShot.
     pub speaks_dshot: bool,
+    /// Whether it calls a boot loader where [`Server::is_leaving`](super::Server::is_leaving).
+    pub has_boot_loader: bool,
 }
 
 impl BoardFacts {

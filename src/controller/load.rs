@@ -1,6 +1,7 @@
 //! How much of a control tick an excitation takes, before it is started.
 //!
-//! A line of the excitation costs what a channel does, so that many lines on a slow clock leave no time for the link, and
+//! Each tick sums some of an excitation's lines ([`Lines::per_tick`](crate::excitation::Lines::per_tick)), and a line costs
+//! what a channel does, so that many lines on a slow clock leave no time for the link, and
 //! then the dead-man's switch ends the excitation. One that would is refused.
 //!
 //! The costs are cycles of a Cortex-M4, estimated from instructions that were counted in an emulator (see
@@ -13,7 +14,7 @@ use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 /// A control tick: of four armed motors with new pulses and with inverses of which the slew limits each, or of an excitation
 /// that is recorded, without its lines. With leads it is some 280 less. Two machines counted 1417 and 1428.
 pub const TICK_CYCLES: u32 = 1450;
-/// A line of the excitation.
+/// A line of the excitation that is summed in the tick.
 pub const LINE_CYCLES: u32 = 30;
 /// An interrupt for one byte of the link, either way.
 pub const BYTE_CYCLES: u32 = 100;
@@ -32,16 +33,16 @@ struct Costs {
     byte_cycles: u32,
 }
 
-/// Of the core that this is compiled for: without a product of 64 bits a tick of four inverses, a line, and a byte take 5162, 443
+/// Of the core that this is compiled for: without a product of 64 bits a tick of four inverses, a line, and a byte take 5162, 174
 /// and 220 cycles.
 const COSTS: Costs = if cfg!(narrow_multiplier) {
-    Costs { tick_cycles: 5200, line_cycles: 445, byte_cycles: 220 }
+    Costs { tick_cycles: 5200, line_cycles: 190, byte_cycles: 220 }
 } else {
     Costs { tick_cycles: TICK_CYCLES, line_cycles: LINE_CYCLES, byte_cycles: BYTE_CYCLES }
 };
 
-/// How much of each control tick a recorded excitation of so many lines takes at most, in percent, rounded up: the tick
-/// itself, and interrupts for a keep-alive, its answer, and a sample of the recorder, at most what the line carries.
+/// How much of each control tick a recorded excitation that sums so many lines in it takes at most, in percent, rounded up: the
+/// tick itself, and interrupts for a keep-alive, its answer, and a sample of the recorder, at most what the line carries.
 #[must_use]
 pub fn percent(lines: usize, loop_rate_hz: u32, core_hz: u32) -> u32 {
     let rate = u64::from(loop_rate_hz.max(1));

@@ -42,6 +42,8 @@ pub struct RequestHandler<F> {
     memory: Option<&'static ResumeMemory>,
     /// Which motors have gone on after it.
     resumed: [bool; MOTORS],
+    /// The boot loader was asked for, and every motor is held at rest for it.
+    is_leaving: bool,
 }
 
 /// A reply to a request that something else has settled.
@@ -61,7 +63,8 @@ impl<F: NorFlash> RequestHandler<F> {
         let injectors = [const { Injector::new() }; MOTORS];
         let (recorder, stopping, pending) = (None, None, Deque::new());
         let (memory, resumed) = (None, [false; MOTORS]);
-        Self { settings, origin, store, queues, injectors, recorder, stopping, pending, memory, resumed }
+        let is_leaving = false;
+        Self { settings, origin, store, queues, injectors, recorder, stopping, pending, memory, resumed, is_leaving }
     }
 
     /// Memory that survives a reset, in which it keeps the settings, and the motors that have gone on after this one.
@@ -72,6 +75,11 @@ impl<F: NorFlash> RequestHandler<F> {
     /// The settings in use.
     pub const fn settings(&self) -> &Validated {
         &self.settings
+    }
+
+    /// Whether the board is to call its boot loader.
+    pub(super) const fn is_leaving(&self) -> bool {
+        self.is_leaving
     }
 
     /// Answers a request; `None` when the answer comes later, from [`Self::poll`].
@@ -120,6 +128,7 @@ impl<F: NorFlash> RequestHandler<F> {
                     motors,
                 }))
             }
+            Request::BootLoader => self.leave(board),
         };
         Some(Tagged { tag, message: result.unwrap_or_else(Message::Refused) })
     }
@@ -243,6 +252,19 @@ impl<F: NorFlash> RequestHandler<F> {
         Ok(Message::Done)
     }
 
+    fn leave(&mut self, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
+        if !board.facts().has_boot_loader {
+            return Err(Refusal::NoBootLoader);
+        }
+        if !board.is_bench_enabled() {
+            return Err(Refusal::BenchDisabled);
+        }
+        // For good, so that nobody arms in between.
+        pause(board)?;
+        self.is_leaving = true;
+        Ok(Message::Done)
+    }
+
     fn set_mode(
         &mut self,
         motor: u8,
@@ -306,7 +328,8 @@ impl<F: NorFlash> RequestHandler<F> {
             return Err(Refusal::TooLong { max_duration_s });
         }
         let (core_hz, loop_rate_hz) = (board.facts().clocks.core_hz, self.settings.loop_rate_hz);
-        let percent = load::percent(lines.count(), loop_rate_hz, core_hz);
+        let ticks_per_period = loop_rate_hz.saturating_mul(lines.period_s());
+        let percent = load::percent(lines.per_tick(ticks_per_period), loop_rate_hz, core_hz);
         if percent > MAX_LOAD_PERCENT {
             // Sets of lines are counted in hundreds.
             return Err(Refusal::TooSlow { lines: lines.count() as u16, loop_rate_hz, core_hz, percent });

@@ -1,6 +1,7 @@
 //! A set of spectral lines of equal amplitude, and their sum.
 
 use super::ExcitationError;
+use super::interpolation::Grid;
 use super::sine::{COSINE_FRACTION_BITS, QuarterWave};
 
 /// Fraction bits of [`Lines::sum`].
@@ -100,18 +101,31 @@ impl<'a> Lines<'a> {
     #[must_use]
     #[inline]
     pub fn sum(&self, turn: u64) -> i64 {
+        self.partial_sum(turn, 0, self.count())
+    }
+
+    /// What `count` lines from the line `first` on, or as many as there are, add to [`Self::sum`]. It may wrap: additions
+    /// modulo 2^64 end at the same value in any order, and the whole sum is below [`Self::PEAK_LIMIT`].
+    // In line it would find too few registers left for its loop.
+    #[inline(never)]
+    pub(super) fn partial_sum(&self, turn: u64, first: usize, count: usize) -> i64 {
         // Harmonic m is m turns ahead: from one odd harmonic to the next, twice the first's turn.
         let step = turn.wrapping_mul(2);
-        let mut harmonic_turn = turn;
+        let mut harmonic_turn = turn.wrapping_add(step.wrapping_mul(first as u64));
         let mut sum = 0_i64;
         let wave = QuarterWave::new();
-        for &phase in self.phases {
+        let end = first.saturating_add(count).min(self.phases.len());
+        for &phase in self.phases.get(first..end).unwrap_or_default() {
             let high = (harmonic_turn >> 32) as u32;
-            // A partial sum may wrap, the whole does not: it is below PEAK_LIMIT, and additions
-            // modulo 2^64 end at the same value in any order.
             sum = sum.wrapping_add(wave.cosine(high.wrapping_add(phase)));
             harmonic_turn = harmonic_turn.wrapping_add(step);
         }
         sum
+    }
+
+    /// How many lines at most are summed in a tick, at so many ticks in a period: what one takes of the core.
+    #[must_use]
+    pub const fn per_tick(&self, ticks_per_period: u32) -> usize {
+        self.count().div_ceil(Grid::new(self, ticks_per_period).step() as usize)
     }
 }

@@ -19,6 +19,7 @@
 //! Setting up takes floating point; a sample takes none, and no division, and cannot panic.
 
 mod error;
+mod interpolation;
 mod lines;
 mod phases;
 mod sine;
@@ -26,6 +27,7 @@ mod sine;
 use core::num::NonZeroU32;
 
 use crate::throttle::Command;
+use interpolation::{Grid, POINTS};
 
 pub use error::ExcitationError;
 pub use lines::{Lines, SUM_FRACTION_BITS};
@@ -63,6 +65,35 @@ pub enum Activity {
     Stopping,
 }
 
+/// The lines' sums at the points of the grid around a tick, and what there is of the next one.
+#[derive(Clone, Debug)]
+struct Sums {
+    /// [`HIGH_SUM_FRACTION_BITS`], rounded down.
+    points: [i32; POINTS],
+    /// The tick of the next point.
+    ahead: u32,
+    /// How many lines are summed there, and their sum.
+    lines: usize,
+    partial: i64,
+}
+
+impl Sums {
+    /// Around the start of a period.
+    fn new(lines: &Lines<'_>, grid: Grid, turn_per_tick: u64) -> Self {
+        let mut ahead = grid.first();
+        let points = core::array::from_fn(|_| {
+            let sum = lines.sum(turn(ahead, turn_per_tick));
+            ahead = grid.next(ahead);
+            (sum >> 32) as i32
+        });
+        Self { points, ahead, lines: 0, partial: 0 }
+    }
+}
+
+const fn turn(tick: u32, turn_per_tick: u64) -> u64 {
+    (tick as u64).wrapping_mul(turn_per_tick)
+}
+
 /// Plays [`Lines`] around a nominal command.
 #[derive(Clone, Debug)]
 pub struct Multisine<'a> {
@@ -73,14 +104,15 @@ pub struct Multisine<'a> {
     peak: i32,
     /// Command per line amplitude, [`GAIN_FRACTION_BITS`], rounded down.
     gain: i64,
-    ticks_per_period: u32,
-    /// (2^64 - 1) / `ticks_per_period`, rounded down.
+    grid: Grid,
+    /// (2^64 - 1) over the ticks in a period, rounded down.
     turn_per_tick: u64,
+    /// Of the lines that are summed in a tick.
+    lines_per_tick: usize,
+    sums: Sums,
     activity: Activity,
     /// Ticks since the start of the period.
     tick: u32,
-    /// `tick` times `turn_per_tick`.
-    turn: u64,
     /// Of the last sample from `nominal`, command bits.
     deviation: i32,
 }
@@ -139,17 +171,20 @@ impl<'a> Multisine<'a> {
 
         // At most 1/2 over a peak of at least 1.
         let per_line = amplitude_bits / scale / lines.peak();
+        let turn_per_tick = u64::MAX / u64::from(ticks_per_period);
+        let grid = Grid::new(&lines, ticks_per_period);
         Ok(Self {
             lines,
             nominal,
             // Below PEAK_LIMIT, which is 2^31 in these bits.
             peak: (lines.peak() * (1_u64 << HIGH_SUM_FRACTION_BITS) as f64) as i32,
             gain: (per_line * (1_u64 << GAIN_FRACTION_BITS) as f64) as i64,
-            ticks_per_period,
-            turn_per_tick: u64::MAX / u64::from(ticks_per_period),
+            grid,
+            turn_per_tick,
+            lines_per_tick: lines.per_tick(ticks_per_period),
+            sums: Sums::new(&lines, grid, turn_per_tick),
             activity: Activity::Idle,
             tick: 0,
-            turn: 0,
             deviation: 0,
         })
     }
@@ -163,10 +198,10 @@ impl<'a> Multisine<'a> {
     /// Ticks in one period.
     #[must_use]
     pub fn ticks_per_period(&self) -> u32 {
-        self.ticks_per_period
+        self.grid.ticks_per_period()
     }
 
-    /// Ticks since the start of the period, of the sample that comes next.
+    /// Ticks since the start of the period, of the sample that comes next. Behind a stop: where it stopped.
     #[must_use]
     pub fn tick(&self) -> u32 {
         self.tick
@@ -179,12 +214,16 @@ impl<'a> Multisine<'a> {
     }
 
     /// Plays from the start of a period: `periods` of them, or without end. Without effect unless
-    /// idle, since a jump to the start would be a step.
+    /// idle, since a jump to the start would be a step. After a stop within a period it sums all lines at twelve points.
     pub fn start(&mut self, periods: Option<NonZeroU32>) {
-        if self.activity == Activity::Idle {
-            self.rest();
-            self.activity = Activity::Running(periods);
+        if self.activity != Activity::Idle {
+            return;
         }
+        if self.tick != 0 {
+            self.tick = 0;
+            self.sums = Sums::new(&self.lines, self.grid, self.turn_per_tick);
+        }
+        self.activity = Activity::Running(periods);
     }
 
     /// Plays on to the end of the period, then rests.
@@ -210,11 +249,11 @@ impl<'a> Multisine<'a> {
         if self.activity == Activity::Idle {
             return self.nominal();
         }
-        let high_sum = (self.lines.sum(self.turn) >> 32) as i32;
+        let sum = self.grid.sample(self.tick, &self.sums.points);
         // Bounds the output, and the product, also for lines whose peak is understated.
-        let high_sum = high_sum.max(-self.peak).min(self.peak);
+        let sum = sum.max(-i64::from(self.peak)).min(i64::from(self.peak));
         // Peak times gain is the amplitude at most, so this stays within 2^61.
-        let scaled = i64::from(high_sum).wrapping_mul(self.gain);
+        let scaled = sum.wrapping_mul(self.gain);
         let rounding = 1_i64 << (DEVIATION_SHIFT - 1);
         let deviation = (scaled.wrapping_add(rounding) >> DEVIATION_SHIFT) as i32;
 
@@ -230,14 +269,16 @@ impl<'a> Multisine<'a> {
     }
 
     fn advance(&mut self) {
+        self.sum_ahead();
         self.tick = self.tick.wrapping_add(1);
-        self.turn = self.turn.wrapping_add(self.turn_per_tick);
-        if self.tick < self.ticks_per_period {
+        if self.grid.has(self.tick) {
+            self.next_point();
+        }
+        if self.tick < self.grid.ticks_per_period() {
             return;
         }
         // From here on every bit is as it was one period ago.
         self.tick = 0;
-        self.turn = 0;
         if let Activity::Running(Some(periods)) = self.activity {
             match NonZeroU32::new(periods.get() - 1) {
                 Some(left) => self.activity = Activity::Running(Some(left)),
@@ -246,10 +287,25 @@ impl<'a> Multisine<'a> {
         }
     }
 
+    /// Sums a tick's share of the lines at the point ahead.
+    fn sum_ahead(&mut self) {
+        let Sums { ahead, lines, partial, .. } = &mut self.sums;
+        let turn = turn(*ahead, self.turn_per_tick);
+        *partial = partial.wrapping_add(self.lines.partial_sum(turn, *lines, self.lines_per_tick));
+        *lines = lines.wrapping_add(self.lines_per_tick);
+    }
+
+    /// The point ahead, of which all lines are summed, is one of those around the tick from now on.
+    fn next_point(&mut self) {
+        let Sums { points, ahead, lines, partial } = &mut self.sums;
+        points.rotate_left(1);
+        points[POINTS - 1] = (*partial >> 32) as i32;
+        *ahead = self.grid.next(*ahead);
+        (*lines, *partial) = (0, 0);
+    }
+
     fn rest(&mut self) {
         self.activity = Activity::Idle;
-        self.tick = 0;
-        self.turn = 0;
         self.deviation = 0;
     }
 }

@@ -169,6 +169,18 @@ impl FrameFaults {
             .wrapping_add(self.other_version)
             .wrapping_add(self.unknown)
     }
+
+    /// Those of two receivers together.
+    #[must_use]
+    pub const fn plus(&self, other: &Self) -> Self {
+        Self {
+            truncated: self.truncated.wrapping_add(other.truncated),
+            corrupted: self.corrupted.wrapping_add(other.corrupted),
+            oversized: self.oversized.wrapping_add(other.oversized),
+            other_version: self.other_version.wrapping_add(other.other_version),
+            unknown: self.unknown.wrapping_add(other.unknown),
+        }
+    }
 }
 
 /// Takes bytes one by one and gives the messages among them. A byte inside a frame costs a store and two comparisons;
@@ -234,6 +246,8 @@ impl<T: DeserializeOwned> Receiver<T> {
         self.decode(length)
     }
 
+    // One copy: on a board it may be in RAM.
+    #[inline(never)]
     fn decode(&mut self, length: usize) -> Option<Tagged<T>> {
         let faults = &mut self.faults;
         let coded = self.buffer.get_mut(..length)?;

@@ -69,6 +69,10 @@ pub enum Request {
     Inject(InjectRequest),
     /// 10: answered by [`Message::Faults`].
     Faults,
+    /// 11: leave the firmware for the boot loader in the chip's ROM, which takes another image by USB. Refused without the jumper
+    /// ([`Refusal::BenchDisabled`]), while a motor is not at rest ([`Refusal::NotDisarmed`]), and by a board that has no such loader
+    /// ([`Refusal::NoBootLoader`]). Every motor stays at rest from the answer on, and 0.1 s later the controller is gone.
+    BootLoader,
 }
 
 /// Where a motor's command comes from.
@@ -234,6 +238,8 @@ pub enum Refusal {
         /// The motor.
         motor: u8,
     },
+    /// 19: this board has no boot loader that firmware can call.
+    NoBootLoader,
 }
 
 impl fmt::Display for Refusal {
@@ -253,6 +259,7 @@ impl fmt::Display for Refusal {
                 }
                 Ok(())
             }
+            Self::NoBootLoader => write!(f, "this board has no boot loader that its firmware can call"),
             Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
             Self::NotRested { motor } => write!(

@@ -15,6 +15,7 @@
 //! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at. A controller answers
 //!   it with a notice, which every version reads: the version [`NOTICE_VERSION`], the tag, and as its body a byte, the version that
 //!   the controller speaks.
+//! - Of several wires, as a UART and USB, the one that the last request came on has the link: what comes unasked goes there.
 //! - The tag is the host's: a reply carries the tag of its request. [`Message::Record`] comes unasked, with the tag of
 //!   the request that started the recording.
 //! - postcard writes an enum's variant as its number, integers as LEB128 (signed ones zigzag), `u8` and `bool` as a byte,
@@ -47,6 +48,9 @@ pub use series::{Full, Series};
 
 /// Bits per second of the link, each way. It divides the bus clocks of the STM32F405's clock sources exactly.
 pub const BAUD: u32 = 1_000_000;
+/// Vendor and product by which a board shows itself at USB: pid.codes' pair for private tests, which others use, too. A device that is
+/// sold or given away needs a pair of its own; pid.codes gives them to open projects.
+pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// Bytes per second: a start bit, 8 bits of data and a stop bit each.
 pub const BYTES_PER_S: u32 = BAUD / 10;
 /// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits and

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | core, PIO, PWM, UART | system PLL | 125 MHz |
 //! | microseconds of timer and watchdog | crystal | 1 MHz |
-//! | converter | USB PLL | 48 MHz |
+//! | converter, USB | USB PLL | 48 MHz |
 //!
 //! A crystal that does not start leaves the ring oscillator, at 4 to 8 MHz: too slow and too inexact for pulses and link. Then there
 //! is nothing to run.
@@ -85,6 +85,10 @@ pub fn start(parts: &Parts, resets: &RESETS, watchdog: &WATCHDOG) -> Option<()> 
         w.enable().set_bit()
     });
     clocks.clk_adc_ctrl().write(|w| {
+        w.auxsrc().clksrc_pll_usb();
+        w.enable().set_bit()
+    });
+    clocks.clk_usb_ctrl().write(|w| {
         w.auxsrc().clksrc_pll_usb();
         w.enable().set_bit()
     });

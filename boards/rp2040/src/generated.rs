@@ -13,7 +13,7 @@ pub const SETTINGS_START: u32 = 0x101fe000;
 pub const SETTINGS_BYTES: u32 = 0x2000;
 
 /// Pins: name, pin of the Pico, what to connect, level.
-pub const PINS: [[&str; 4]; 14] = [
+pub const PINS: [[&str; 4]; 15] = [
     ["GP0", "1", "link, to the receive line of the host's adapter, 1 Mbaud", "3.3 V"],
     ["GP1", "2", "link, from the transmit line of the host's adapter", "3.3 V"],
     ["GP2", "4", "input 1: pulses or DShot from the flight controller", "3.3 V"],
@@ -25,15 +25,17 @@ pub const PINS: [[&str; 4]; 14] = [
     ["GP8", "11", "output 3, and 10 kOhm to ground", "3.3 V"],
     ["GP9", "12", "output 4, and 10 kOhm to ground", "3.3 V"],
     ["GP10", "14", "jumper to ground (pin 13): allows excitation and injection; open for a flight", "3.3 V"],
+    ["GP15", "20", "nothing: for a moment the firmware may need it while a host sets up USB", "3.3 V"],
     ["GP26", "31", "amplifier of the thrust sensor", "0 to 3.3 V"],
     ["GP23", "", "mode of the board's regulator: driven high, for a fixed frequency", "3.3 V"],
     ["GP25", "", "the lamp on the board", "3.3 V"],
 ];
 
 /// Interrupts, highest priority first: priority, name, task, longest wait that is allowed.
-pub const INTERRUPTS: [[&str; 4]; 3] = [
+pub const INTERRUPTS: [[&str; 4]; 4] = [
     ["4", "SysTick", "the control task", "the next tick, 200 µs at 5 kHz"],
-    ["2", "UART0_IRQ", "bytes of the link", "32 bytes, which the UART holds: 320 µs at 1 Mbaud"],
+    ["2", "UART0_IRQ", "bytes of the link by the UART", "32 bytes, which the UART holds: 320 µs at 1 Mbaud"],
+    ["1", "USBCTRL_IRQ", "bytes of the link by USB", "none: the host waits; 50 ms for the end of a setup (USB 2.0, 9.2.6.4)"],
     ["none", "idle", "messages, settings, design of the filter", "20 s"],
 ];
 
@@ -69,6 +71,9 @@ pub const OUTPUT_4: u8 = 9;
 
 /// GP10: jumper to ground (pin 13): allows excitation and injection; open for a flight.
 pub const JUMPER: u8 = 10;
+
+/// GP15: nothing: for a moment the firmware may need it while a host sets up USB.
+pub const USB_RESERVED: u8 = 15;
 
 /// GP26: amplifier of the thrust sensor.
 pub const THRUST: u8 = 26;

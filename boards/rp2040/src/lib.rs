@@ -3,6 +3,7 @@
 
 #[rustfmt::skip]
 pub mod generated;
+pub mod usb_control;
 
 use generated::{INPUT_1, INPUT_2, INPUT_3, INPUT_4, OUTPUT_1, OUTPUT_2, OUTPUT_3, OUTPUT_4};
 

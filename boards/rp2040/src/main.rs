@@ -31,7 +31,11 @@ mod state_machines;
 #[cfg(target_os = "none")]
 mod thrust_adc;
 #[cfg(target_os = "none")]
+mod usb;
+#[cfg(target_os = "none")]
 mod watchdog;
+#[cfg(target_os = "none")]
+mod wire;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
@@ -44,18 +48,18 @@ fn main() {
     }
 }
 
-/// Tasks and what they share. Priorities: control 4, bytes of the link 2, idle 0.
+/// Tasks and what they share. Priorities: control 4, bytes of the link by the UART 2 and by USB 1, idle 0.
 ///
 /// The edges of the inputs wait in the queues of their state machines, 8 of each, until the control task takes them. That is an
 /// exception of the core, which only a critical section keeps off: so a lock of the idle task lets no interrupt in at all. The UART
-/// holds 32 bytes meanwhile.
+/// holds 32 bytes meanwhile, and a host waits for USB.
 #[cfg(target_os = "none")]
 #[rtic::app(device = rp2040_hal::pac, peripherals = true)]
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
 
     use defmt_rtt as _;
-    use heapless::spsc::{Consumer, Producer, Queue};
+    use heapless::spsc::Queue;
     use rotorlead::controller::{
         self, Control, ControlHandle, INJECT_QUEUE, Inputs, LAMP_STEP_MS, Lamp, RECORD_QUEUE, Server, Started,
     };
@@ -68,9 +72,16 @@ mod app {
     use crate::inputs::{Capture, EDGE_FIFO_DEPTH};
     use crate::parts::{BoardStatus, Rp2040};
     use crate::postmortem;
-    use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
+    use crate::serial::Serial;
     use crate::settings_flash::{COPIES, SettingsFlash};
     use crate::start::{Board, Queues};
+    use crate::usb::{self, Usb};
+    use crate::watchdog;
+    use crate::wire::{RECEIVE_QUEUE, SEND_QUEUE, WIRES, Wire};
+
+    /// How long the controller stays when the boot loader was asked for, so that the host gets its answer. Chosen: a host asks a USB
+    /// device every millisecond, and a busy one some of them later.
+    const LEAVE_US: u32 = 100_000;
 
     #[shared]
     struct Shared {
@@ -82,26 +93,32 @@ mod app {
 
     #[local]
     struct Local {
-        server: Server<SettingsFlash>,
+        server: Server<SettingsFlash, WIRES>,
         status: BoardStatus,
-        received: Consumer<'static, u8, RECEIVE_QUEUE>,
-        to_send: Producer<'static, u8, SEND_QUEUE>,
+        wires: [Wire; WIRES],
         serial: Serial,
+        usb: Usb,
         timer: TIMER,
     }
 
     #[init(local = [
-        receive_queue: Queue<u8, RECEIVE_QUEUE> = Queue::new(),
-        send_queue: Queue<u8, SEND_QUEUE> = Queue::new(),
+        receive_queues: [Queue<u8, RECEIVE_QUEUE>; WIRES] = [const { Queue::new() }; WIRES],
+        send_queues: [Queue<u8, SEND_QUEUE>; WIRES] = [const { Queue::new() }; WIRES],
         inject_queues: [Queue<Command, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
         output_queues: [Queue<EscCommand, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
         sample_queue: Queue<Sample, RECORD_QUEUE> = Queue::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let (received_in, received) = cx.local.receive_queue.split();
-        let (to_send, to_send_out) = cx.local.send_queue.split();
-        let queues = Queues { received: received_in, to_send: to_send_out };
-        let Board { capture, control, serial, flash, status, timer } = Board::new(cx.device, cx.core, queues);
+        let [(received_uart, from_uart), (received_usb, from_usb)] =
+            cx.local.receive_queues.each_mut().map(Queue::split);
+        let [(to_uart, to_send_uart), (to_usb, to_send_usb)] = cx.local.send_queues.each_mut().map(Queue::split);
+        let wires =
+            [Wire::new(from_uart, to_uart, Interrupt::UART0_IRQ), Wire::new(from_usb, to_usb, Interrupt::USBCTRL_IRQ)];
+        let queues = [
+            Queues { received: received_uart, to_send: to_send_uart },
+            Queues { received: received_usb, to_send: to_send_usb },
+        ];
+        let Board { capture, control, serial, usb, flash, status, timer } = Board::new(cx.device, cx.core, queues);
         let facts = status.facts;
         defmt::info!("started: {}", defmt::Debug2Format(&facts));
         let queues = controller::Queues {
@@ -113,29 +130,34 @@ mod app {
         let Started { inputs, control, handler, origin } =
             controller::start(capture, control, store, &facts, queues, Some(postmortem::resume_source()));
         defmt::info!("settings: {}", defmt::Debug2Format(&origin));
-        let local = Local { server: Server::new(handler), status, received, to_send, serial, timer };
+        let local = Local { server: Server::new(handler), status, wires, serial, usb, timer };
         (Shared { inputs, control, idle_ran: AtomicBool::new(false) }, local)
     }
 
     /// Talks to the host, lights the lamp, and does whatever takes long. Sleeps where there is nothing to do: a tick or a byte wakes it.
-    #[idle(shared = [inputs, control, &idle_ran], local = [server, status, received, to_send, timer])]
+    #[idle(shared = [inputs, control, &idle_ran], local = [server, status, wires, timer])]
     fn idle(cx: idle::Context) -> ! {
-        let idle::LocalResources { server, status, received, to_send, timer, .. } = cx.local;
+        let idle::LocalResources { server, status, wires, timer, .. } = cx.local;
         let idle::SharedResources { inputs, mut control, idle_ran, .. } = cx.shared;
         control.lock(Control::start_ticks);
         let mut board = ControlHandle { inputs, control: &mut control, hardware: status };
         let mut lamp_step = 0;
+        let mut leaving_since = None;
         loop {
             idle_ran.store(true, Ordering::Relaxed);
-            while to_send.ready() {
-                let Some(byte) = server.next_byte() else { break };
-                let _ = to_send.enqueue(byte);
+            let microseconds = timer.timerawl().read().bits();
+            if let Some(wire) = wires.get_mut(server.written_to()) {
+                wire.send(|| server.next_byte(), microseconds);
             }
-            if to_send.len() > 0 {
-                rtic::pend(Interrupt::UART0_IRQ);
+            if usb::IS_WAITING.load(Ordering::Relaxed) {
+                rtic::pend(Interrupt::USBCTRL_IRQ);
             }
-            let is_busy = server.poll(|| received.dequeue(), &mut board);
-            let milliseconds = timer.timerawl().read().bits() / 1000;
+            let is_busy = server.poll(|wire| wires.get_mut(wire)?.receive(), &mut board);
+            if server.is_leaving() && microseconds.wrapping_sub(*leaving_since.get_or_insert(microseconds)) >= LEAVE_US
+            {
+                watchdog::enter_boot_loader();
+            }
+            let milliseconds = microseconds / 1000;
             if milliseconds / LAMP_STEP_MS != lamp_step {
                 lamp_step = milliseconds / LAMP_STEP_MS;
                 show(&mut board, milliseconds);
@@ -155,7 +177,13 @@ mod app {
         crate::pins::Pins::steal().put(LED, lamp.is_on(milliseconds));
     }
 
-    /// Bytes of the link.
+    /// Bytes of the link by USB.
+    #[task(binds = USBCTRL_IRQ, priority = 1, local = [usb])]
+    fn usb_bytes(cx: usb_bytes::Context) {
+        cx.local.usb.handle_interrupt();
+    }
+
+    /// Bytes of the link by the UART.
     #[task(binds = UART0_IRQ, priority = 2, local = [serial])]
     fn link_bytes(cx: link_bytes::Context) {
         cx.local.serial.handle_interrupt();

@@ -13,12 +13,8 @@ use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 
 use crate::clocks::CORE_HZ;
 use crate::pins::{Pins, Pull};
+use crate::wire::{RECEIVE_QUEUE, SEND_QUEUE};
 
-/// Size of the queue of received bytes, a power of two. Holds what a host that sends one request after another can send while the idle
-/// task is busy, which is longest during a filter design.
-pub const RECEIVE_QUEUE: usize = 2048;
-/// Size of the queue of bytes to be sent, a power of two.
-pub const SEND_QUEUE: usize = 1024;
 /// Bytes that the UART holds each way.
 const FIFO_BYTES: usize = 32;
 /// The divider of the UART's clock, in 1/64: 16 samples to a bit (RP2040 datasheet, 4.2.7.1).

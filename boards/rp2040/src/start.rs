@@ -15,10 +15,12 @@ use crate::outputs::Outputs;
 use crate::parts::{BoardStatus, Rp2040};
 use crate::pins::{Pins, Pull};
 use crate::postmortem;
-use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
+use crate::serial::Serial;
 use crate::settings_flash::SettingsFlash;
 use crate::thrust_adc::ThrustAdc;
+use crate::usb::Usb;
 use crate::watchdog::Watchdog;
+use crate::wire::{RECEIVE_QUEUE, SEND_QUEUE, WIRES};
 
 /// Reads of the reset controller before a part counts as dead. It takes some cycles.
 const PATIENCE: u32 = 10_000;
@@ -27,7 +29,7 @@ const FLASHES: u32 = 20;
 /// Half of such a flash in turns of the loop, of 3 cycles at 4 to 12 MHz: 30 to 100 ms.
 const FLASH_CYCLES: u32 = 400_000;
 
-/// The interrupts' ends of the link's queues.
+/// An interrupt's ends of the queues of a wire.
 pub struct Queues {
     /// Bytes from the host.
     pub received: Producer<'static, u8, RECEIVE_QUEUE>,
@@ -41,8 +43,10 @@ pub struct Board {
     pub capture: Capture,
     /// What the control task drives; its ticks are not started.
     pub control: ControlParts<Rp2040>,
-    /// The link.
+    /// The link by the UART.
     pub serial: Serial,
+    /// The link by USB.
+    pub usb: Usb,
     /// Where the settings are.
     pub flash: SettingsFlash,
     /// What the lowest priority asks.
@@ -53,7 +57,7 @@ pub struct Board {
 
 impl Board {
     /// Sets everything up. Interrupts are off meanwhile. The pins are inputs with a pull-down from a reset on.
-    pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
+    pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, [uart, usb]: [Queues; WIRES]) -> Self {
         boot::move_vectors(&mut core.SCB);
         boot::guard_stack(&mut core.MPU);
         boot::slow_ring_oscillator(&device.ROSC);
@@ -76,7 +80,8 @@ impl Board {
         // Its microseconds come from the crystal.
         let watchdog = Watchdog::start(device.WATCHDOG, &device.PSM);
         let clocks = clocks::measure(&device.TIMER, &mut core.SYST);
-        let facts = BoardFacts { clocks, reset, brown_out: BrownOut::Unknown, speaks_dshot: true };
+        let brown_out = BrownOut::Unknown;
+        let facts = BoardFacts { clocks, reset, brown_out, speaks_dshot: true, has_boot_loader: true };
         Self {
             capture: Capture::new(timer()),
             control: ControlParts {
@@ -86,7 +91,8 @@ impl Board {
                 thrust: ThrustAdc::new(device.ADC, &pins),
                 watchdog,
             },
-            serial: Serial::new(device.UART0, &pins, queues.received, queues.to_send),
+            serial: Serial::new(device.UART0, &pins, uart.received, uart.to_send),
+            usb: Usb::new(device.USBCTRL_REGS, device.USBCTRL_DPRAM, usb.received, usb.to_send),
             flash: SettingsFlash::new(),
             status: BoardStatus { facts, pins },
             timer: device.TIMER,
@@ -117,11 +123,12 @@ fn leave_reset(resets: &RESETS) {
 fn leave_reset_of_clocked(resets: &RESETS) {
     resets.reset().modify(|_, w| {
         w.adc().clear_bit();
-        w.uart0().clear_bit()
+        w.uart0().clear_bit();
+        w.usbctrl().clear_bit()
     });
     for _ in 0..PATIENCE {
         let done = resets.reset_done().read();
-        if done.adc().bit() && done.uart0().bit() {
+        if done.adc().bit() && done.uart0().bit() && done.usbctrl().bit() {
             break;
         }
     }

@@ -4,6 +4,8 @@ use cortex_m::peripheral::SCB;
 use rotorlead::controller::hardware::{self, Watchdog as _};
 use rp2040_hal::pac::{PSM, WATCHDOG};
 
+use crate::pins::Pins;
+
 /// Longest time without a feed while starting or while the flash stalls, the longest that there is: the design of the filter is some
 /// 200 ms of double precision in software, and two sectors are erased in 0.8 s at most.
 const LONG_TIMEOUT_US: u32 = 8_000_000;
@@ -58,6 +60,18 @@ pub fn take_was_running(registers: &WATCHDOG) -> bool {
     let was_running = registers.scratch0().read().bits() == RUNNING_MARKER;
     registers.scratch0().reset();
     was_running
+}
+
+/// Leaves the firmware for the boot ROM's loader, with every output low: no flight goes on behind it.
+#[allow(unsafe_code)]
+pub fn enter_boot_loader() -> ! {
+    cortex_m::interrupt::disable();
+    crate::outputs::connect_low(&Pins::steal());
+    // SAFETY: interrupts are off and this does not return, so nobody else has it.
+    let registers = unsafe { WATCHDOG::steal() };
+    take_was_running(&registers);
+    // It resets the chip by the watchdog; both its drive and its other interface are on, and no lamp flashes.
+    rp2040_hal::rom_data::reset_to_usb_boot(0, 0)
 }
 
 /// Cycles after which a reset that was asked for should have come.

@@ -1,7 +1,7 @@
 //! An RP2040 with its image, whose pins a test drives and reads with emulated time.
 //!
 //! Two emulators do the same run, so that an error of one shows: [`Emulator::Node`] is rp2040js, which has the PWM, the
-//! watchdog, the UART and the flash; [`Emulator::Native`] is the crate `rp2040-emu`, which has neither but was written by
+//! watchdog, the UART, USB and the flash; [`Emulator::Native`] is the crate `rp2040-emu`, which has neither but was written by
 //! others. What each lacks is said there.
 //!
 //! ```no_run
@@ -28,7 +28,7 @@ mod trace;
 pub use error::Error;
 pub use node::{NODE_PACKAGE, NPM_PACKAGE, OLDEST_NODE, VERSION, is_installed, node_version, package_folder};
 pub use responder::{Conflict, Drive, Release, Responder};
-pub use run::{Analog, Bytes, Edge, Flash, PowerCut, Region, Run, Write};
+pub use run::{Analog, Bytes, Edge, Flash, Plug, PlugEvent, PowerCut, Region, Run, Write};
 pub use signals::{frames, frames_of_idle_high, pulses, reply};
 pub use trace::{Fault, Handler, Reset, Trace};
 
@@ -44,7 +44,8 @@ pub const PINS: u8 = 30;
 pub enum Emulator {
     /// npm's `rp2040js` in a process of node. PIO and PWM edges have the cycle that they have on the chip, but for what
     /// all share: inputs are seen without the two cycles of the synchronizer, and a pin that the core writes changes when
-    /// the instruction starts. Peripherals do not stay in reset until the firmware ends it. The UART sends without delay.
+    /// the instruction starts. Peripherals do not stay in reset until the firmware ends it. The UART sends without delay. A host at the
+    /// USB plug takes and sends a packet in 62.5 µs; it looks at their parity.
     Node,
     /// The crate `rp2040-emu` in this process. Pins change, and are seen, at the ends of instructions: up to 4 cycles
     /// late, 16 on entry to an exception. Has no PWM at the pins, no watchdog, no received bytes, no boot ROM, no

@@ -69,6 +69,7 @@ impl Machine {
     fn new(run: &Run, flash: &[Flash]) -> Result<Self, Error> {
         let unsupported = [
             ("input of the UART", !run.uart_in.is_empty()),
+            ("USB", !run.plug.is_empty()),
             ("voltages at the converter", !run.analog.is_empty()),
             ("a debugger", run.is_debugged),
             ("flash to write", run.power_cut.is_some()),
@@ -232,6 +233,9 @@ impl Machine {
             edges: self.edges,
             conflicts: self.conflicts,
             uart: self.emulator.drain_uart0_tx_log(),
+            usb: Vec::new(),
+            usb_set_ups: Vec::new(),
+            boot_loader: None,
             resets: Vec::new(),
             faults: self.faults,
             handlers: Vec::new(),

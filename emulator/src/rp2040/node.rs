@@ -84,7 +84,8 @@ fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
 mod tests {
     use super::*;
     use crate::rp2040::{
-        Analog, Bytes, Conflict, Drive, Edge, Fault, Handler, PowerCut, Region, Release, Reset, Responder, Write,
+        Analog, Bytes, Conflict, Drive, Edge, Fault, Handler, Plug, PlugEvent, PowerCut, Region, Release, Reset,
+        Responder, Write,
     };
 
     #[test]
@@ -125,6 +126,8 @@ mod tests {
         let answers = vec![vec![Drive { after: 20, level: None }]];
         run.responders = vec![Responder { pin: 21, falls: 22, answers }];
         run.uart_in = vec![Bytes { cycle: 3, bytes: vec![4] }];
+        run.usb_in = vec![Bytes { cycle: 26, bytes: vec![27] }];
+        run.plug = vec![Plug { cycle: 28, what: PlugEvent::PluggedIntoNoisyHub }];
         run.writes = vec![Write { cycle: 5, address: 6, value: 7 }];
         run.watch = vec![8];
         run.handlers_from = 17;
@@ -139,6 +142,8 @@ mod tests {
             "releases": [{ "cycle": 18, "pin": 19 }],
             "responders": [{ "pin": 21, "falls": 22, "answers": [[{ "after": 20, "level": null }]] }],
             "uart_in": [{ "cycle": 3, "bytes": [4] }],
+            "usb_in": [{ "cycle": 26, "bytes": [27] }],
+            "plug": [{ "cycle": 28, "what": "plugged_into_noisy_hub" }],
             "writes": [{ "cycle": 5, "address": 6, "value": 7 }],
             "watch": [8],
             "handlers_from": 17,
@@ -153,7 +158,7 @@ mod tests {
     #[test]
     fn a_trace_is_read_from_what_the_script_prints() {
         let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}],
-            "conflicts": [{"cycle": 14, "pin": 15}], "uart": [3],
+            "conflicts": [{"cycle": 14, "pin": 15}], "uart": [3], "usb": [16], "usb_set_ups": [17], "boot_loader": null,
             "resets": [{"cycle": 4, "is_forced": false}], "faults": [{"cycle": 5, "pc": 6, "what": "BKPT"}],
             "handlers": [{"exception": 15, "first_cycle": 10, "calls": 11, "total_cycles": 12, "most_cycles": 13}],
             "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}"#;
@@ -162,6 +167,9 @@ mod tests {
             edges: vec![Edge { cycle: 1, pin: 2, is_high: true }],
             conflicts: vec![Conflict { cycle: 14, pin: 15 }],
             uart: vec![3],
+            usb: vec![16],
+            usb_set_ups: vec![17],
+            boot_loader: None,
             resets: vec![Reset { cycle: 4, is_forced: false }],
             faults: vec![Fault { cycle: 5, pc: 6, what: "BKPT".to_owned() }],
             handlers: vec![Handler { exception: 15, first_cycle: 10, calls: 11, total_cycles: 12, most_cycles: 13 }],

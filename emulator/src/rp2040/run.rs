@@ -26,13 +26,42 @@ pub struct Flash {
     pub bytes: Vec<u8>,
 }
 
-/// Bytes that are sent to UART0, one after the other at the speed that the firmware has set.
+/// Bytes that are sent to UART0, one after the other at the speed that the firmware has set, or by USB.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Bytes {
-    /// When the first start bit comes; behind bytes that are still on the line if need be.
+    /// When the first start bit or packet comes; behind bytes that are still on the line if need be.
     pub cycle: u64,
     /// The bytes.
     pub bytes: Vec<u8>,
+}
+
+/// What becomes of the USB plug.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Plug {
+    /// When.
+    pub cycle: u64,
+    /// What.
+    pub what: PlugEvent,
+}
+
+/// What may become of the USB plug. A host sets the device up when it is plugged in, and reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlugEvent {
+    /// Plugged into a host.
+    Plugged,
+    /// The same, on a bus that is never quiet, so that erratum E5 of the chip shows.
+    PluggedIntoNoisyHub,
+    /// Unplugged.
+    Unplugged,
+    /// The host sleeps: no packet goes either way.
+    Suspended,
+    /// It wakes up.
+    Resumed,
+    /// The host goes on sending, and reads nothing.
+    Deaf,
+    /// It reads again.
+    Reading,
 }
 
 /// A voltage at an input of the converter, as the count that a conversion gives.
@@ -95,6 +124,10 @@ pub struct Run {
     pub responders: Vec<Responder>,
     /// Bytes that UART0 receives.
     pub uart_in: Vec<Bytes>,
+    /// Bytes that a host sends by USB, once it has set the device up.
+    pub usb_in: Vec<Bytes>,
+    /// What becomes of the USB plug, which is open at first.
+    pub plug: Vec<Plug>,
     /// Words that are put into memory.
     pub writes: Vec<Write>,
     /// The pins whose edges are traced.
@@ -124,6 +157,8 @@ impl Run {
             releases: Vec::new(),
             responders: Vec::new(),
             uart_in: Vec::new(),
+            usb_in: Vec::new(),
+            plug: Vec::new(),
             writes: Vec::new(),
             watch: Vec::new(),
             handlers_from: 0,

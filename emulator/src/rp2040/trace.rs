@@ -59,6 +59,12 @@ pub struct Trace {
     pub conflicts: Vec<Conflict>,
     /// Bytes that UART0 has sent.
     pub uart: Vec<u8>,
+    /// Bytes that a host has read by USB.
+    pub usb: Vec<u8>,
+    /// When a host had set the device up.
+    pub usb_set_ups: Vec<u64>,
+    /// When the firmware left for the boot ROM's loader: no instruction of it comes behind.
+    pub boot_loader: Option<u64>,
     /// Resets by the watchdog.
     pub resets: Vec<Reset>,
     /// What went wrong in the core.
@@ -71,7 +77,7 @@ pub struct Trace {
     pub flash_operations: u32,
     /// Whether power was lost.
     pub power_is_cut: bool,
-    /// What the firmware used that the emulator does not have, each once.
+    /// What the firmware used that the emulator does not have, and what a USB host complains of, each once.
     pub unmodelled: Vec<String>,
 }
 

@@ -152,6 +152,7 @@ pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
         ("record", body(&Request::Record(Some(RecordRequest { motor: 1, divisor: 500 })))),
         ("inject", body(&Request::Inject(inject))),
         ("faults", body(&Request::Faults)),
+        ("boot_loader", body(&Request::BootLoader)),
         ("answer_faults", message(&Message::Faults(Faults::default()))),
         ("answer_injected", message(&Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }))),
         ("answer_record", message(&Message::Record(record))),

@@ -64,6 +64,7 @@ fn requests() -> Vec<(Request, &'static str)> {
         (Request::Record(Some(RecordRequest { motor: 1, divisor: 500 })), "080101f403"),
         (Request::Inject(inject), "0901ac02040a090107"),
         (Request::Faults, "0a"),
+        (Request::BootLoader, "0b"),
     ]
 }
 
@@ -160,6 +161,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::Injecting { motor: 3 }), "011003"),
         (refused(Refusal::NoDshot), "0111"),
         (refused(Refusal::NotRested { motor: 2 }), "011202"),
+        (refused(Refusal::NoBootLoader), "0113"),
         (
             error(
                 SettingId { key: Key::InputFrameHz, motor: None },

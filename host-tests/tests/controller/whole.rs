@@ -989,6 +989,60 @@ fn a_recording_that_is_faster_than_the_line_keeps_no_request_from_being_heard() 
 }
 
 #[test]
+fn the_wire_of_the_last_request_has_the_link() {
+    let mut rig = Rig::new();
+    let recording = rig.send(&Request::Record(Some(RecordRequest { motor: 0, divisor: 1 })));
+    let records = |rig: &mut Rig| {
+        rig.inbox.clear();
+        for _ in 0..100 {
+            rig.tick_one(Signal::Nothing);
+            rig.serve(usize::MAX);
+        }
+        rig.inbox.iter().filter(|received| received.tag == recording).count()
+    };
+    assert!(records(&mut rig) >= 3);
+    // Noise and frames of another version at the other one take nothing away, and the notice goes to who asked.
+    rig.wire = 1;
+    rig.write(&[1, 2, 0, 3, 0]);
+    rig.write(&frame(VERSION + 1, 7, &[1, 2, 3]));
+    assert_eq!(records(&mut rig), 0);
+    assert_eq!(rig.take_foreign(), Some(Foreign::Notice { version: VERSION }));
+    assert!(rig.elsewhere > 300, "{}", rig.elsewhere);
+    // A request does, and the faults are those of both.
+    let Message::Faults(faults) = rig.ask(&Request::Faults) else { panic!() };
+    assert_eq!(faults.link.total(), 3, "{:?}", faults.link);
+    assert!(records(&mut rig) >= 3);
+    let elsewhere = rig.elsewhere;
+    rig.wire = 0;
+    assert_eq!(records(&mut rig), 0);
+    assert!(rig.elsewhere > elsewhere + 300);
+}
+
+#[test]
+fn the_boot_loader_is_called_with_the_jumper_and_every_motor_at_rest_and_nobody_arms_any_more() {
+    let mut rig = armed(0.5);
+    assert_eq!(rig.ask(&Request::BootLoader), refused(Refusal::NotDisarmed { motor: 0 }));
+    let (low, high) = (rig.pulse(0.0), rig.pulse(0.5));
+    rig.tick_one(low);
+    rig.hardware.board.status.bench_enabled = false;
+    assert_eq!(rig.ask(&Request::BootLoader), refused(Refusal::BenchDisabled));
+    rig.hardware.board.status.bench_enabled = true;
+    rig.hardware.board.status.facts.has_boot_loader = false;
+    assert_eq!(rig.ask(&Request::BootLoader), refused(Refusal::NoBootLoader));
+    rig.hardware.board.status.facts.has_boot_loader = true;
+    assert!(!rig.is_leaving());
+    assert_eq!(rig.arm_one(high), rig.as_measured(0.5), "a refusal changes nothing");
+    rig.tick_one(low);
+    assert_eq!(rig.ask(&Request::BootLoader), Message::Done);
+    assert!(rig.is_leaving());
+    rig.tick_one(low);
+    assert!(rig.arm_one(high) <= STOP);
+
+    let mut rig = exciting(100);
+    assert_eq!(rig.ask(&Request::BootLoader), refused(Refusal::NotDisarmed { motor: 0 }));
+}
+
+#[test]
 fn a_flood_of_requests_keeps_no_record_from_being_sent() {
     let mut rig = Rig::new();
     let recording = Request::Record(Some(RecordRequest { motor: 0, divisor: 10 }));

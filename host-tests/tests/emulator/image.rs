@@ -433,7 +433,8 @@ fn an_excitation_that_leaves_the_link_no_time_is_refused() {
     let mut machine = ready(&Start::new(&image), &settings());
     let info = machine.link.info();
     let loop_rate_hz = Settings::default().loop_rate_hz;
-    let percent = load::percent(150, loop_rate_hz, info.core_hz);
+    let lines = LineSet::Odd30Hz.lines();
+    let percent = load::percent(lines.per_tick(loop_rate_hz * lines.period_s()), loop_rate_hz, info.core_hz);
     assert!(percent > MAX_LOAD_PERCENT);
     let refusal = Refusal::TooSlow { lines: 150, loop_rate_hz, core_hz: 16_000_000, percent };
     assert_eq!(machine.link.ask(&Request::Excite(odd_30_hz(1))), Message::Refused(refusal));

@@ -25,10 +25,15 @@ pub fn requests(cycle: u64, apart_ms: f64, requests: &[Request]) -> Vec<Bytes> {
     (1..).zip(requests).map(frame).collect()
 }
 
-/// What was answered, in order.
+/// What was answered by the UART, in order.
 pub fn answers(trace: &Trace) -> Vec<Message> {
+    messages(&trace.uart)
+}
+
+/// The messages in bytes.
+pub fn messages(bytes: &[u8]) -> Vec<Message> {
     let mut receiver = Receiver::<Message>::new();
-    trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect()
+    bytes.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect()
 }
 
 #[test]
@@ -45,13 +50,13 @@ fn the_controller_says_what_it_is() {
 }
 
 /// Other settings than the defaults, in every way that matters at a pin.
-fn chosen() -> Settings {
+pub fn chosen() -> Settings {
     let dshot = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: 4000 };
     Settings { output: dshot, ..Settings::default() }
 }
 
 /// The jumper is fitted, or nothing could be stored in the first seconds.
-const FITTED: Edge = Edge { cycle: 0, pin: JUMPER, is_high: false };
+pub const FITTED: Edge = Edge { cycle: 0, pin: JUMPER, is_high: false };
 
 /// A controller with the defaults on which somebody sets others and saves them.
 fn saving() -> Run {

@@ -11,3 +11,4 @@ mod safety;
 mod spikes;
 mod stack;
 mod supply;
+mod usb;

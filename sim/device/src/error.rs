@@ -17,6 +17,19 @@ pub enum DeviceError {
         /// What the operating system says.
         reason: String,
     },
+    /// No port was named, and none is a controller's by its USB.
+    #[error("no controller is plugged in by USB")]
+    #[diagnostic(help(
+        "plug the board in by a cable that carries data, or name the port: `--port /dev/ttyUSB0` or `--port COM3` of an adapter, or tcp:HOST:PORT"
+    ))]
+    NotPlugged,
+    /// No port was named, and several may be a controller's.
+    #[error("several controllers may be plugged in by USB: {}", .ports.join(", "))]
+    #[diagnostic(help("name the one that is meant with --port"))]
+    SeveralPlugged {
+        /// Their names.
+        ports: Vec<String>,
+    },
     /// The line broke.
     #[error("`{address}`: {reason}")]
     #[diagnostic(help("check the cable; the controller stops an excitation by itself when it hears nothing"))]
@@ -203,6 +216,7 @@ fn remedy(refusal: &Refusal) -> &'static str {
             "start again: the line lost a frame, this program was held up for a second, or another one uses the line"
         }
         Refusal::NoDshot => "use pulses, or a board that speaks DShot: docs/board-rp2040.md is one",
+        Refusal::NoBootLoader => "flash it by its button or probe: see the page of the board",
         Refusal::Divisor => "give a divisor from 1 to 5000",
     }
 }

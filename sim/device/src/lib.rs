@@ -17,7 +17,7 @@ pub use change::change;
 pub use error::DeviceError;
 pub use excite::{Excited, Played, play};
 pub use inject::{Difference, Injection, inject, path};
-pub use port::{DEFAULT_BAUD, Port, open};
+pub use port::{DEFAULT_BAUD, Port, find, open};
 pub use recording::{Recorded, Recording, record, template};
 pub use sensors::{Calibration, Sensors};
 pub use session::Session;

@@ -4,6 +4,9 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::Duration;
 
+use rotorlead::link::USB_ID;
+use serialport::{SerialPortInfo, SerialPortType};
+
 use super::DeviceError;
 
 /// Baud rate of the controller's UART.
@@ -35,6 +38,31 @@ pub fn open(address: &str, baud: u32) -> Result<Box<dyn Port>, DeviceError> {
     }
 }
 
+/// The serial port of the one controller that is plugged in by USB.
+///
+/// # Errors
+/// [`DeviceError::NotPlugged`], [`DeviceError::SeveralPlugged`].
+pub fn find() -> Result<String, DeviceError> {
+    // Where the ports cannot be listed, there is none that could be found.
+    choose(serialport::available_ports().unwrap_or_default())
+}
+
+fn choose(ports: Vec<SerialPortInfo>) -> Result<String, DeviceError> {
+    let is_controller = |port: &SerialPortInfo| match &port.port_type {
+        SerialPortType::UsbPort(usb) => (usb.vid, usb.pid) == USB_ID,
+        _ => false,
+    };
+    // Of the two names that macOS has for a port, the other one waits for a modem to call.
+    let ports = ports.into_iter().filter(|port| is_controller(port) && !port.port_name.starts_with("/dev/tty."));
+    let mut ports: Vec<String> = ports.map(|port| port.port_name).collect();
+    ports.sort();
+    match ports.len() {
+        0 => Err(DeviceError::NotPlugged),
+        1 => Ok(ports.remove(0)),
+        _ => Err(DeviceError::SeveralPlugged { ports }),
+    }
+}
+
 fn tcp(host: &str) -> std::io::Result<TcpStream> {
     let mut last = std::io::Error::other("the name has no address");
     for address in host.to_socket_addrs()? {
@@ -49,4 +77,28 @@ fn tcp(host: &str) -> std::io::Result<TcpStream> {
         }
     }
     Err(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use serialport::UsbPortInfo;
+
+    use super::*;
+
+    fn port(name: &str, (vid, pid): (u16, u16)) -> SerialPortInfo {
+        let usb = UsbPortInfo { vid, pid, serial_number: None, manufacturer: None, product: None };
+        SerialPortInfo { port_name: name.to_owned(), port_type: SerialPortType::UsbPort(usb) }
+    }
+
+    #[test]
+    fn the_controller_is_found_among_adapters_and_asked_for_where_it_is_not_the_only_one() {
+        let adapter = || port("/dev/ttyUSB0", (0x0403, 0x6001));
+        let modem = || SerialPortInfo { port_name: "/dev/ttyS0".to_owned(), port_type: SerialPortType::PciPort };
+        assert!(matches!(choose(vec![adapter(), modem()]), Err(DeviceError::NotPlugged)));
+        let one = || port("/dev/cu.usbmodem1", USB_ID);
+        let found = choose(vec![adapter(), port("/dev/tty.usbmodem1", USB_ID), one()]);
+        assert_eq!(found.unwrap(), "/dev/cu.usbmodem1");
+        let several = choose(vec![port("COM7", USB_ID), port("COM3", USB_ID)]).unwrap_err();
+        assert_eq!(several.to_string(), "several controllers may be plugged in by USB: COM3, COM7");
+    }
 }

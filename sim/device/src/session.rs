@@ -107,6 +107,15 @@ impl Session {
         done("mode", answer)
     }
 
+    /// Has the controller call its boot loader, which takes another firmware. It is gone then.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn enter_boot_loader(&mut self) -> Result<(), DeviceError> {
+        let answer = self.ask_once("bootloader", &Request::BootLoader)?;
+        done("bootloader", answer)
+    }
+
     /// Ramps an excitation down.
     ///
     /// # Errors

@@ -62,7 +62,7 @@ const BUSY_BYTES: u32 = 4;
 const LAST_OTHERS: u32 = 2;
 
 /// Ticks of an excitation that are measured: a round of what is not done in every tick. And those after which it must play.
-const EXCITATION_TICKS: u32 = 6;
+const EXCITATION_TICKS: u32 = 9;
 const RAMP_TICKS: u32 = 100;
 /// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
 const EXCITATION_RATE_HZ: u32 = 1000;
@@ -132,7 +132,7 @@ pub struct Interrupts {
     pub link_byte: Costs,
     /// A byte each way in one interrupt, and one that was lost: the longest that there is.
     pub link_both: Costs,
-    /// The control tick of an excitation that is recorded, with so many lines.
+    /// The control tick of an excitation that is recorded, which sums so many lines.
     pub excitations: [(u32, Costs); 2],
     /// The same with the inverse in the path, and the more lines.
     pub excitation_inverse: (u32, Costs),
@@ -355,7 +355,8 @@ fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lin
         }
         check_widths(&mut debugger, library.tick(0))?;
     }
-    Ok((lines.lines().count() as u32, costs))
+    let ticks_per_period = lines.lines().period_s() * settings.loop_rate_hz;
+    Ok((lines.lines().per_tick(ticks_per_period) as u32, costs))
 }
 
 /// What the lowest priority locks for requests in flight, and for those that need every motor at rest.

@@ -363,7 +363,7 @@ impl fmt::Display for Report {
         row("control tick, four motors armed, inverse", tick_4ch_inverse)?;
         row("control tick that arms all four, inverse", tick_arming_inverse)?;
         for (lines, costs) in excitations {
-            row(&format!("control tick, {lines} lines on one motor, recorded"), costs)?;
+            row(&format!("control tick, an excitation of which it sums {lines} lines, recorded"), costs)?;
         }
         let (lines, costs) = excitation_inverse;
         row(&format!("the same with the inverse, {lines} lines"), costs)?;

@@ -31,9 +31,9 @@ use rotorlead_answer::words::warning;
 /// Talks to a controller over its serial port, or to one in the emulator
 #[derive(Args, Debug)]
 pub struct Device {
-    /// A serial port (/dev/ttyUSB0, COM3), or tcp:HOST:PORT
+    /// A serial port (/dev/ttyUSB0, COM3), or tcp:HOST:PORT; left out, that of the controller which is plugged in by USB
     #[arg(long, value_name = "PORT")]
-    port: String,
+    port: Option<String>,
     /// Baud rate of the serial port
     #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD)]
     baud: u32,
@@ -63,6 +63,8 @@ enum Action {
     Faults,
     /// Ramps an excitation down
     Stop,
+    /// Leaves the firmware for the board's boot loader, to flash another; needs the jumper and every motor disarmed
+    Bootloader,
     /// Records a motor while something else drives it
     Record(record::Record),
     /// Has the controller play multisines on a motor, and records them. Nothing else may drive the motor
@@ -97,8 +99,9 @@ impl Device {
     }
 
     fn run(&self) -> miette::Result<(Outcome, miette::Result<()>)> {
-        let port = rotorlead_device::open(&self.port, self.baud)?;
-        let mut session = Session::new(port, &self.port, Duration::from_secs_f64(self.timeout));
+        let address = self.port.clone().map_or_else(rotorlead_device::find, Ok)?;
+        let port = rotorlead_device::open(&address, self.baud)?;
+        let mut session = Session::new(port, &address, Duration::from_secs_f64(self.timeout));
         let outcome = match &self.action {
             Action::Info => info(&mut session),
             Action::Get { key } => get(&mut session, key.as_deref()),
@@ -108,6 +111,11 @@ impl Device {
             Action::Stop => {
                 session.stop_excitation()?;
                 Ok(Outcome::new("Stopping.\n".into(), &json!({ "stopping": true })))
+            }
+            Action::Bootloader => {
+                session.enter_boot_loader()?;
+                let text = "The board is gone from this port, and shows itself as a drive: copy the .uf2 file there.\n";
+                Ok(Outcome::new(text.into(), &json!({ "bootloader": true })))
             }
             Action::Record(options) => options.run(&mut session),
             Action::Excite(options) => options.run(&mut session),
