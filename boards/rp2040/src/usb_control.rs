@@ -251,6 +251,11 @@ impl Default for Control {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::String;
+    use std::vec::Vec;
+
     use super::*;
 
     /// All bytes that the device sends for a request of `length` bytes, and in how many packets.

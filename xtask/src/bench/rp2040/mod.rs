@@ -109,6 +109,9 @@ mod tests {
             flash_operations: 0,
             power_is_cut: false,
             unmodelled: Vec::new(),
+            usb: Vec::new(),
+            usb_set_ups: Vec::new(),
+            boot_loader: None,
         }
     }
 
