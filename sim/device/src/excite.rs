@@ -109,8 +109,8 @@ pub fn play(
             let read = tape.recording.rows();
             tape.read(session)?;
             tape.recording.check_limit(read.., sensors)?;
-            // Up from where the motor turns for sure: it is not to turn for nothing.
-            if read as f64 >= before as f64 + rows_before {
+            // From where the motor turns for sure, up to where it still does: it is not to turn for nothing.
+            if read as f64 >= before as f64 + rows_before && read < warm_up_rows + rows {
                 tape.recording.check_speed(read.., sensors)?;
             }
             progress(tape.recording.rows().min(most_rows), most_rows);
@@ -126,10 +126,15 @@ pub fn play(
         _ => session.stop_excitation(),
     };
     let stopped = tape.stop(session, failure);
+    // Whoever reads of a failure may go near the motor, or play again.
+    let rested = match failure {
+        Some(error) if error.is_of_the_line() => Ok(()),
+        _ => come_to_rest(session, settings, played.motor),
+    };
     run?;
     halted?;
     stopped?;
-    come_to_rest(session, settings, played.motor)?;
+    rested?;
     let recording = tape.recording;
     let start = find(&recording.before, &sequence, divisor, warm_up_rows + rows)
         .ok_or(DeviceError::NotPlayed { rows: warm_up_rows + rows })?;
