@@ -8,7 +8,7 @@ use clap::Args;
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _, miette};
 use rotorlead::controller::filters;
 use rotorlead::settings::{Key, MOTORS, Settings};
-use rotorlead_answer::words::warning;
+use rotorlead_answer::words::{counted, warning};
 use rotorlead_design::redesign::KindOptions;
 use rotorlead_design::{InverseOptions, Latency};
 use rotorlead_device::{DeviceError, Session, change, curve_text};
@@ -119,10 +119,13 @@ impl Tune {
         OutputFolder::create(&self.out)?.commit()?;
         let seconds = self.played.seconds(&settings) * ((levels.len() + 1) * self.motors.len()) as f64;
         eprintln!(
-            "{} motors turn one after the other at commands up to {:.3}, for {:.0} minutes in all.",
-            self.motors.len(),
+            "{} at commands up to {:.3}, for {} in all.",
+            match self.motors[..] {
+                [motor] => format!("Motor {motor} turns"),
+                _ => format!("{} motors turn, one after the other,", self.motors.len()),
+            },
             levels[levels.len() - 1] + self.played.amplitude,
-            (seconds / 60.0).ceil()
+            counted((seconds / 60.0).ceil() as usize, "minute")
         );
         for question in CONDITIONS {
             self.ask(question, "no motor has turned, and no setting was changed")?;
