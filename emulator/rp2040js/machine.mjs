@@ -6,25 +6,21 @@ import { Responders } from './responders.mjs';
 import { Stimuli } from './stimuli.mjs';
 
 export class Machine {
-  constructor(rp2040js, run) {
+  // `ask` answers a question on a line of the chip.
+  constructor(rp2040js, run, ask) {
     this.rp2040js = rp2040js;
     this.request = run;
+    this.ask = ask;
     this.now = 0;
-    this.edges = [];
-    this.conflicts = [];
-    this.uart = [];
-    this.usb = [];
-    this.usbSetUps = [];
+    this.forget();
     // When the boot ROM's loader was called.
     this.bootLoader = null;
-    this.resets = [];
-    this.faults = [];
     this.unmodelled = new Set();
     this.flashOperations = 0;
     this.powerIsCut = false;
     // A reset of the chip that waits for the end of the instruction.
     this.bite = null;
-    this.stimuli = new Stimuli(run);
+    this.stimuli = new Stimuli();
     this.responders = new Responders(this, run.responders);
     this.handlers = new Handlers(this, run.handlers_from);
     this.watched = run.watch.reduce((mask, pin) => mask | (1 << pin), 0);
@@ -35,8 +31,22 @@ export class Machine {
     this.chip.boot();
   }
 
-  run() {
-    const until = this.request.until_cycle;
+  // What a trace has of its own run alone.
+  forget() {
+    this.edges = [];
+    this.conflicts = [];
+    this.uart = [];
+    this.usb = [];
+    this.usbSetUps = [];
+    this.resets = [];
+    this.faults = [];
+  }
+
+  run(run) {
+    this.request = run;
+    this.forget();
+    this.stimuli.extend(run);
+    const until = run.until_cycle;
     this.stimuli.apply(this);
     while (this.now < until && !this.powerIsCut) {
       const { core } = this.chip;
@@ -109,8 +119,8 @@ export class Machine {
   }
 
   edge(pin, isHigh, isDriven) {
-    if (!isHigh && !isDriven) {
-      this.responders.fall(pin);
+    if (!isDriven) {
+      this.responders.edge(pin, isHigh);
     }
     if ((this.watched >> pin) & 1) {
       this.edges.push({ cycle: this.now, pin, is_high: isHigh });

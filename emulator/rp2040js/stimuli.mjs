@@ -4,8 +4,19 @@
 const BITS_OF_A_BYTE = 10;
 
 export class Stimuli {
-  constructor(run) {
+  constructor() {
+    this.queue = [];
+    this.index = 0;
+    // Bytes on the line, and when the last bit of the first of them has arrived.
+    this.line = [];
+    this.arrival = Infinity;
+    this.update();
+  }
+
+  // What happens in a run, behind what is to happen at the same time anyway.
+  extend(run) {
     this.queue = [
+      ...this.queue.slice(this.index),
       ...run.inputs.map(({ cycle, pin, is_high }) => ({ cycle, apply: ({ chip }) => chip.pads.drive(pin, is_high) })),
       ...run.analog.map(({ cycle, input, count }) => ({
         cycle,
@@ -21,9 +32,6 @@ export class Stimuli {
       ...run.uart_in.map(({ cycle, bytes }) => ({ cycle, apply: (machine) => this.send(machine, bytes) })),
     ].sort((a, b) => a.cycle - b.cycle);
     this.index = 0;
-    // Bytes on the line, and when the last bit of the first of them has arrived.
-    this.line = [];
-    this.arrival = Infinity;
     this.update();
   }
 

@@ -22,6 +22,12 @@ pub enum Error {
         /// Its number.
         pin: u8,
     },
+    /// A responder without answers, and nobody who is asked for them.
+    #[error("nothing answers at GPIO {pin}: run it in `Live`")]
+    Unanswered {
+        /// The pin.
+        pin: u8,
+    },
     /// Node or its package is not there.
     #[error("{0}; `cargo xtask setup` installs it")]
     NotInstalled(String),

@@ -17,6 +17,7 @@
 
 mod error;
 mod image;
+mod live;
 #[cfg(feature = "native")]
 mod native;
 mod node;
@@ -26,8 +27,9 @@ mod signals;
 mod trace;
 
 pub use error::Error;
+pub use live::Live;
 pub use node::{NODE_PACKAGE, NPM_PACKAGE, OLDEST_NODE, VERSION, is_installed, node_version, package_folder};
-pub use responder::{Conflict, Drive, Release, Responder};
+pub use responder::{Conflict, Drive, Question, Release, Responder};
 pub use run::{Analog, Bytes, Edge, Flash, Plug, PlugEvent, PowerCut, Region, Run, Write};
 pub use signals::{frames, frames_of_idle_high, pulses, reply};
 pub use trace::{Fault, Handler, Reset, Trace};
@@ -62,6 +64,9 @@ impl Emulator {
     /// firmware does wrong is no error: see [`Trace::faults`].
     pub fn run(self, run: &Run) -> Result<Trace, Error> {
         run.check()?;
+        if let Some(responder) = run.responders.iter().find(|responder| responder.answers.is_none()) {
+            return Err(Error::Unanswered { pin: responder.pin });
+        }
         let flash = image::flash(run)?;
         match self {
             Self::Node => node::run(run, &flash),

@@ -95,7 +95,7 @@ impl Machine {
         let (edges, faults) = (Vec::new(), Vec::new());
         let mut listeners: Vec<_> =
             run.responders.iter().map(|responder| Listener { responder: responder.clone(), falls: 0 }).collect();
-        listeners.iter_mut().for_each(|listener| listener.responder.answers.reverse());
+        listeners.iter_mut().filter_map(|listener| listener.responder.answers.as_mut()).for_each(|all| all.reverse());
         Ok(Self {
             emulator,
             inputs,
@@ -188,7 +188,7 @@ impl Machine {
                 continue;
             }
             *falls = 0;
-            let answer = responder.answers.pop().into_iter().flatten();
+            let answer = responder.answers.as_mut().and_then(Vec::pop).into_iter().flatten();
             let steps = answer.map(|drive| Stimulus { cycle: cycle + drive.after, pin, level: drive.level });
             self.inputs.extend(steps);
             self.inputs.sort_by_key(|stimulus| std::cmp::Reverse(stimulus.cycle));

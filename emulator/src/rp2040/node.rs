@@ -1,12 +1,12 @@
-//! rp2040js: a script that node executes, with a run on its input and the trace on its output.
+//! rp2040js: a script that node executes, with runs on its input and their traces on its output.
 
-use std::io::{ErrorKind, Write as _};
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::{Error, Flash, Run, Trace};
+use super::{Drive, Error, Flash, Question, Run, Trace};
 
 /// npm's package that has the emulator. Its inside is used, so the version is exact.
 pub const NPM_PACKAGE: &str = "rp2040js";
@@ -50,34 +50,100 @@ struct Request<'a> {
     run: &'a Run,
 }
 
+/// What the script prints in a line.
+#[derive(Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Line {
+    Question(Question),
+    Trace(Trace),
+}
+
 pub(super) fn run(run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
-    run_in(PROGRAM, &package_folder(), run, flash)
+    Node::installed()?.run(run, flash, |_| Vec::new())
 }
 
-fn run_in(program: &str, folder: &Path, run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
-    if !is_installed(folder) {
-        return Err(Error::NotInstalled(format!("{NPM_PACKAGE} {VERSION} is not in {}", folder.display())));
-    }
-    let request = serde_json::to_vec(&Request { flash, run }).map_err(|error| Error::Node(error.to_string()))?;
-    let mut command = Command::new(program);
-    let output = execute(command.arg(SCRIPT).arg(folder), &request).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => Error::NotInstalled(format!("there is no {program}")),
-        _ => Error::Node(error.to_string()),
-    })?;
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        return Err(Error::Node(format!("{program} ended with {}: {}", output.status, said.trim())));
-    }
-    serde_json::from_slice(&output.stdout).map_err(|error| Error::Node(format!("its trace: {error}")))
+/// A process of node with the script.
+#[derive(Debug)]
+pub(super) struct Node {
+    child: Child,
+    /// `None` once the script has been left alone.
+    input: Option<ChildStdin>,
+    output: BufReader<ChildStdout>,
 }
 
-/// What the program prints when it gets this input. It reads all of it before it prints anything.
-fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
-    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
-    // Closes the pipe, too. A program that has ended early says why on its other output.
-    let written = child.stdin.take().map_or(Ok(()), |mut pipe| pipe.write_all(input));
-    let output = child.wait_with_output()?;
-    if output.status.success() { written.map(|()| output) } else { Ok(output) }
+impl Node {
+    pub(super) fn installed() -> Result<Self, Error> {
+        Self::start(PROGRAM, &package_folder())
+    }
+
+    fn start(program: &str, folder: &Path) -> Result<Self, Error> {
+        if !is_installed(folder) {
+            return Err(Error::NotInstalled(format!("{NPM_PACKAGE} {VERSION} is not in {}", folder.display())));
+        }
+        let mut command = Command::new(program);
+        command.arg(SCRIPT).arg(folder).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| match error.kind() {
+            ErrorKind::NotFound => Error::NotInstalled(format!("there is no {program}")),
+            _ => Error::Node(error.to_string()),
+        })?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(Error::Node(format!("{program} has no pipes")));
+        };
+        Ok(Self { child, input: Some(input), output: BufReader::new(output) })
+    }
+
+    /// A run behind those before; `answer` is asked what a responder without answers does.
+    pub(super) fn run(
+        &mut self,
+        run: &Run,
+        flash: &[Flash],
+        mut answer: impl FnMut(&Question) -> Vec<Drive>,
+    ) -> Result<Trace, Error> {
+        self.send(&Request { flash, run })?;
+        loop {
+            match self.receive()? {
+                Line::Trace(trace) => return Ok(trace),
+                Line::Question(question) => self.send(&answer(&question))?,
+            }
+        }
+    }
+
+    fn send(&mut self, value: &impl Serialize) -> Result<(), Error> {
+        let mut line = serde_json::to_vec(value).map_err(|error| Error::Node(error.to_string()))?;
+        line.push(b'\n');
+        let written = self.input.as_mut().is_some_and(|input| input.write_all(&line).is_ok());
+        if written { Ok(()) } else { Err(self.end()) }
+    }
+
+    fn receive(&mut self) -> Result<Line, Error> {
+        let mut line = String::new();
+        match self.output.read_line(&mut line) {
+            Ok(length) if length > 0 => {
+                serde_json::from_str(&line).map_err(|error| Error::Node(format!("its trace: {error}")))
+            }
+            _ => Err(self.end()),
+        }
+    }
+
+    /// Why the script has ended early, which it says on its other output.
+    fn end(&mut self) -> Error {
+        self.input = None;
+        let mut said = String::new();
+        // What it does not say is not known.
+        let _ = self.child.stderr.take().map(|mut output| output.read_to_string(&mut said));
+        match self.child.wait() {
+            Ok(status) => Error::Node(format!("it ended with {status}: {}", said.trim())),
+            Err(error) => Error::Node(error.to_string()),
+        }
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }
 
 #[cfg(test)]
@@ -90,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_missing_package_names_its_remedy() {
-        let error = run_in(PROGRAM, Path::new("nowhere"), &Run::new("image", 1), &[]).unwrap_err();
+        let error = Node::start(PROGRAM, Path::new("nowhere")).unwrap_err();
         assert_eq!(error.to_string(), "rp2040js 1.4.1 is not in nowhere; `cargo xtask setup` installs it");
     }
 
@@ -107,8 +173,7 @@ mod tests {
 
     #[test]
     fn a_missing_node_names_its_remedy() {
-        let run = Run::new("image", 1);
-        let error = with_package(VERSION, |folder| run_in("no-such-node", folder, &run, &[]).unwrap_err());
+        let error = with_package(VERSION, |folder| Node::start("no-such-node", folder).unwrap_err());
         assert_eq!(error.to_string(), "there is no no-such-node; `cargo xtask setup` installs it");
     }
 
@@ -124,7 +189,10 @@ mod tests {
         run.analog = vec![Analog { cycle: 23, input: 24, count: 25 }];
         run.releases = vec![Release { cycle: 18, pin: 19 }];
         let answers = vec![vec![Drive { after: 20, level: None }]];
-        run.responders = vec![Responder { pin: 21, falls: 22, answers }];
+        run.responders = vec![
+            Responder { pin: 21, falls: 22, answers: Some(answers) },
+            Responder { pin: 29, falls: 30, answers: None },
+        ];
         run.uart_in = vec![Bytes { cycle: 3, bytes: vec![4] }];
         run.usb_in = vec![Bytes { cycle: 26, bytes: vec![27] }];
         run.plug = vec![Plug { cycle: 28, what: PlugEvent::PluggedIntoNoisyHub }];
@@ -140,7 +208,10 @@ mod tests {
             "inputs": [{ "cycle": 1, "pin": 2, "is_high": true }],
             "analog": [{ "cycle": 23, "input": 24, "count": 25 }],
             "releases": [{ "cycle": 18, "pin": 19 }],
-            "responders": [{ "pin": 21, "falls": 22, "answers": [[{ "after": 20, "level": null }]] }],
+            "responders": [
+                { "pin": 21, "falls": 22, "answers": [[{ "after": 20, "level": null }]] },
+                { "pin": 29, "falls": 30, "answers": null },
+            ],
             "uart_in": [{ "cycle": 3, "bytes": [4] }],
             "usb_in": [{ "cycle": 26, "bytes": [27] }],
             "plug": [{ "cycle": 28, "what": "plugged_into_noisy_hub" }],
@@ -157,11 +228,11 @@ mod tests {
 
     #[test]
     fn a_trace_is_read_from_what_the_script_prints() {
-        let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}],
+        let text = r#"{"trace": {"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}],
             "conflicts": [{"cycle": 14, "pin": 15}], "uart": [3], "usb": [16], "usb_set_ups": [17], "boot_loader": null,
             "resets": [{"cycle": 4, "is_forced": false}], "faults": [{"cycle": 5, "pc": 6, "what": "BKPT"}],
             "handlers": [{"exception": 15, "first_cycle": 10, "calls": 11, "total_cycles": 12, "most_cycles": 13}],
-            "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}"#;
+            "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}}"#;
         let expected = Trace {
             cycles: 100,
             edges: vec![Edge { cycle: 1, pin: 2, is_high: true }],
@@ -178,6 +249,13 @@ mod tests {
             power_is_cut: false,
             unmodelled: vec!["UART0".to_owned()],
         };
-        assert_eq!(serde_json::from_str::<Trace>(text).unwrap(), expected);
+        assert_eq!(serde_json::from_str::<Line>(text).unwrap(), Line::Trace(expected));
+    }
+
+    #[test]
+    fn a_question_is_read_from_what_the_script_prints() {
+        let text = r#"{"question": [{"cycle": 1, "pin": 2, "is_high": false}]}"#;
+        let edges = vec![Edge { cycle: 1, pin: 2, is_high: false }];
+        assert_eq!(serde_json::from_str::<Line>(text).unwrap(), Line::Question(Question { edges }));
     }
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Edge;
+
 /// From a moment on nothing outside drives a pin: its pull decides, or the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Release {
@@ -27,8 +29,17 @@ pub struct Responder {
     pub pin: u8,
     /// Falls of the line in one question.
     pub falls: u32,
-    /// What it does after each question, one after the other; afterwards it is silent.
-    pub answers: Vec<Vec<Drive>>,
+    /// What it does after each question, one after the other; afterwards it is silent. `None` where [`super::Live::advance`] is given
+    /// what answers.
+    pub answers: Option<Vec<Vec<Drive>>>,
+}
+
+/// A question on a line: as many falls as its responder counts, and the rise behind each.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(transparent)]
+pub struct Question {
+    /// The edges of one pin, in order.
+    pub edges: Vec<Edge>,
 }
 
 /// A pin that the chip and the world outside have begun to drive at once, with whatever levels.

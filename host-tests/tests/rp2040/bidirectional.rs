@@ -66,7 +66,7 @@ fn esc(run: &mut Run, motor: u8, speed: Speed, clock: f64, levels: impl Fn(u16) 
     run.responders.push(Responder {
         pin: OUTPUT_1 + motor,
         falls: FRAME_BITS,
-        answers: (0..1000).map(|n| answer(levels(n))).collect(),
+        answers: Some((0..1000).map(|n| answer(levels(n))).collect()),
     });
 }
 
@@ -430,7 +430,7 @@ fn two_that_drive_a_line_at_once_are_seen() {
         let Flight { mut run, .. } =
             Flight::new(dshot600, dshot600, PERIOD_US, 1.0, |motor, n| Some(said(motor, n).to_levels()));
         run.releases.retain(|release| release.pin != INPUT_1 + 1);
-        let drives = run.responders[2].answers.iter_mut().flatten();
+        let drives = run.responders[2].answers.iter_mut().flatten().flatten();
         drives.for_each(|drive| drive.after -= us(ESC_DELAY_US) + bit_cycles(dshot600.1) / 2);
         let trace = pins::trace(emulator, &run);
         let pins: HashSet<u8> = trace.conflicts.iter().map(|Conflict { pin, .. }| *pin).collect();
