@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use clap::Parser as _;
+use host_tests::rotor::Rotor;
 use host_tests::stand_in::{Pace, Stand, StandIn, Trouble};
 use rotorlead::capture::Signal;
 use rotorlead::dshot::Reply;
@@ -11,63 +12,29 @@ use rotorlead::link::{NO_TURN, Sensed};
 use rotorlead_cli::Arguments;
 use serde_json::Value;
 
-const POLES: f64 = 14.0;
 const FAST: Pace = Pace { speed: 40.0, eager: true, bytes_per_s: None, needs_full_window: false };
 const LOOP_HZ: f64 = 5000.0;
 /// At 495 frames per second: the next whole number of ticks.
 const FRAME_TICKS: u64 = 11;
-/// Scatter of a turn's time, from end to end.
-const UNEVEN: f64 = 0.01;
 /// The commands, and what a motor with its propeller reaches at the highest of them, and a tenth more.
 const LEVELS: &str = "--nominal 0.5,0.3,0.4 --most-rpm 12500";
 
-/// A rotor that follows its command with this lag, in seconds at the speed of a command of 0.5, and with less at higher ones.
-#[derive(Clone, Copy)]
-struct Rotor {
-    time_constant_s: f64,
-    /// Its speed over that with its propeller.
-    faster: f64,
-    /// Until when its ESC answers, seconds.
-    answers_until_s: f64,
-}
+/// The amplifier of a thrust sensor.
+const ZERO_COUNT: f64 = 10_000.0;
+const NEWTONS_PER_COUNT: f64 = 2e-4;
 
-impl Rotor {
-    const fn new(time_constant_s: f64) -> Self {
-        Self { time_constant_s, faster: 1.0, answers_until_s: f64::INFINITY }
-    }
-
-    fn time_constant_s(self, rpm: f64) -> f64 {
-        self.time_constant_s * (self.rpm(0.5) / rpm.max(1000.0)).sqrt()
-    }
-
-    /// Revolutions per minute at rest at a command.
-    fn rpm(self, command: f64) -> f64 {
-        self.faster * (2_000.0 + 18_000.0 * command)
-    }
-
-    /// The highest command that it got goes to `most`, in millionths.
-    fn run(self, most: Arc<AtomicU32>) -> impl FnMut(f64, f64) -> Sensed {
-        let (mut rpm, mut before_s, mut seed) = (0.0, 0.0, 0x2545_f491_4f6c_dd1d_u64);
-        let mut framed = 0.0;
-        move |command, time_s| {
-            most.fetch_max((1e6 * command) as u32, Ordering::Relaxed);
-            // The ESC gets a frame in so many ticks, and holds what it says.
-            if ((LOOP_HZ * time_s).round() as u64).is_multiple_of(FRAME_TICKS) {
-                framed = command;
-            }
-            let settled = self.rpm(framed);
-            rpm = settled + (rpm - settled) * (-(time_s - before_s) / self.time_constant_s(rpm)).exp();
-            before_s = time_s;
-            // The magnets are not alike, and the air is not still.
-            // Marsaglia, Xorshift RNGs, 2003.
-            seed ^= seed << 13;
-            seed ^= seed >> 7;
-            seed ^= seed << 17;
-            let noisy = rpm * (1.0 + UNEVEN * (seed as f64 / u64::MAX as f64 - 0.5));
-            let period_us = (120e6 / (POLES * f64::max(noisy, 1.0))) as u32;
-            let reply = Reply::from_period_us(Some(period_us)).turn_us().map_or(NO_TURN, i32::from);
-            Sensed { adc: 0, turn_us: if time_s < self.answers_until_s { reply } else { NO_TURN } }
+/// A rotor whose highest command goes to `most`, in millionths.
+fn turning(rotor: Rotor, most: Arc<AtomicU32>) -> impl FnMut(f64, f64) -> Sensed {
+    let (mut turning, mut framed) = (rotor.at_rest(), 0.0);
+    move |command, time_s| {
+        most.fetch_max((1e6 * command) as u32, Ordering::Relaxed);
+        // The ESC gets a frame in so many ticks, and holds what it says.
+        if ((LOOP_HZ * time_s).round() as u64).is_multiple_of(FRAME_TICKS) {
+            framed = command;
         }
+        let said = turning.run(framed, time_s);
+        let adc = (ZERO_COUNT + turning.newtons() / NEWTONS_PER_COUNT) as u16;
+        Sensed { adc, turn_us: said.and_then(Reply::turn_us).map_or(NO_TURN, i32::from) }
     }
 }
 
@@ -86,7 +53,7 @@ impl Vehicle {
             input: Box::new(|_| Signal::Nothing),
             motors: all
                 .into_iter()
-                .map(|(rotor, most)| Box::new(rotor.run(most)) as Box<dyn FnMut(f64, f64) -> Sensed>)
+                .map(|(rotor, most)| Box::new(turning(rotor, most)) as Box<dyn FnMut(f64, f64) -> Sensed>)
                 .collect(),
         };
         let vehicle =
@@ -158,6 +125,23 @@ fn two_motors_get_the_compensators_that_their_replies_ask_for() {
         );
     }
     assert_eq!((&all["compensator"], &all["motor.2.compensate"]), (&"inverse".into(), &"false".into()));
+}
+
+#[test]
+fn a_thrust_sensor_takes_the_place_of_the_replies() {
+    let rotor = Rotor { answers_until_s: 0.0, ..Rotor::new(0.060) };
+    let vehicle = Vehicle::new(Trouble::None, &[rotor]);
+    let sensor = format!("--newtons-per-count {NEWTONS_PER_COUNT} --zero-count {ZERO_COUNT}");
+    let found =
+        vehicle.device(&format!("tune --yes --out @tuned --motors 0 --nominal 0.3,0.5 --kind lead {sensor}")).unwrap();
+    for point in found["motors"][0]["points"].as_array().unwrap() {
+        let truth_s = rotor.time_constant_s(rotor.rpm(point["nominal"].as_f64().unwrap()));
+        let off = point["time_constant_s"].as_f64().unwrap() / truth_s - 1.0;
+        println!("{:.1} % off at {}", 100.0 * off, point["nominal"]);
+        assert!(off.abs() < 0.02, "{point}");
+    }
+    let all = vehicle.settings();
+    assert_eq!((&all["compensator"], &all["motor.0.compensate"]), (&"lead".into(), &"true".into()));
 }
 
 #[test]

@@ -11,4 +11,5 @@ mod safety;
 mod spikes;
 mod stack;
 mod supply;
+mod tune;
 mod usb;
