@@ -16,7 +16,7 @@ pub const PACKAGE: &str = EMULATED.package;
 /// First major version that has what the application needs of the board.
 pub const OLDEST: u32 = EMULATED.oldest;
 /// TCP port of the emulated link, unless the caller says otherwise.
-pub const DEFAULT_PORT: u16 = 5740;
+pub const DEFAULT_PORT: &str = "5740";
 
 /// Major version of the QEMU that is installed.
 pub fn version() -> Option<u32> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::board::{self, Board};
+use crate::board::{self, Board, Emulator};
 use crate::image::{Calls, Function, Image, flash_files};
 use crate::run::{Result, beside, cargo, command, output, run};
 use crate::sizes::{self, Sizes};
@@ -50,11 +50,19 @@ pub fn build_image(board: &'static Board, features: &[&str]) -> Result<PathBuf> 
     Ok(folder.join(&board.target).join("firmware").join(&board.binary))
 }
 
-/// Runs the default board's image in the emulator.
-pub fn emulate(port: u16) -> Result {
+/// Runs a board's image in its emulator, with its link on a TCP port of this machine.
+pub fn emulate(board: &'static Board, port: &str) -> Result {
+    let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;
     setup::emulator()?;
-    let board = board::default()?;
-    emulator::run_image(board, &build_image(board, &[])?, port)
+    match board.emulator {
+        Some(Emulator::Qemu) => emulator::run_image(board, &build_image(board, &[])?, port),
+        Some(Emulator::Rp2040js) => {
+            let mut pico = cargo(&["run", "--package", "host-tests", "--example", "pico", "--locked", "--"]);
+            eprintln!("xtask: the link is at tcp:127.0.0.1:{port}; Ctrl-C ends the emulator");
+            run(with_image(pico.arg(port.to_string()), board)?)
+        }
+        None => Err(format!("no emulator runs the {}", board.name)),
+    }
 }
 
 /// Flashes the default board's image with a debug probe and shows its log.
@@ -113,11 +121,15 @@ fn in_emulator(targets: &[&str], options: &[&str]) -> Result<Command> {
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]).args(options);
     for board in board::all()?.iter().filter(|board| board.emulator.is_some()) {
-        let name = board.name.to_uppercase();
-        test.env(format!("ROTORLEAD_PANICKING_{name}_IMAGE"), build_image(board, &[PLANTED])?);
-        test.env(format!("ROTORLEAD_{name}_IMAGE"), build_image(board, &[])?);
+        test.env(format!("ROTORLEAD_PANICKING_{}_IMAGE", board.name.to_uppercase()), build_image(board, &[PLANTED])?);
+        with_image(&mut test, board)?;
     }
     Ok(test)
+}
+
+/// Names a board's image to a program of the tests.
+fn with_image<'a>(command: &'a mut Command, board: &'static Board) -> Result<&'a mut Command> {
+    Ok(command.env(format!("ROTORLEAD_{}_IMAGE", board.name.to_uppercase()), build_image(board, &[])?))
 }
 
 /// Everything that ends in a panic goes through here.

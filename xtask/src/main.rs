@@ -32,7 +32,8 @@ Usage: cargo xtask COMMAND
            writes the sizes of every board's image into the page of that board;
            with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack;
            with --python the wheel of the Python package, in target/wheels
-  emulate  [PORT] runs that image in QEMU, with its link on a TCP port
+  emulate  [--board NAME] [PORT] runs that image in its emulator, with its link on a TCP port; an RP2040 with four motors
+           whose ESCs answer, for `rotorlead device tune`
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts; prints how long each part took. Changes nothing on the machine;
@@ -97,11 +98,12 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["build", "--c"] => Box::new(c_interface::build),
         ["build", "--python"] => Box::new(python::build),
         ["build", "--update-readme"] => Box::new(firmware::state_sizes),
-        ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
-        ["emulate", port] => Box::new(move || {
-            let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;
-            firmware::emulate(port)
-        }),
+        ["emulate"] => Box::new(|| firmware::emulate(board::default()?, emulator::DEFAULT_PORT)),
+        ["emulate", "--board", name] => {
+            Box::new(move || firmware::emulate(board::named(name)?, emulator::DEFAULT_PORT))
+        }
+        ["emulate", "--board", name, port] => Box::new(move || firmware::emulate(board::named(name)?, port)),
+        ["emulate", port] => Box::new(move || firmware::emulate(board::default()?, port)),
         ["flash"] => Box::new(firmware::flash),
         ["python"] => Box::new(python::test),
         ["library"] => Box::new(library::check),
