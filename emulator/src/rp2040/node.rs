@@ -55,7 +55,7 @@ struct Request<'a> {
 #[serde(rename_all = "snake_case")]
 enum Line {
     Question(Question),
-    Trace(Trace),
+    Trace(Box<Trace>),
 }
 
 pub(super) fn run(run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
@@ -102,7 +102,7 @@ impl Node {
         self.send(&Request { flash, run })?;
         loop {
             match self.receive()? {
-                Line::Trace(trace) => return Ok(trace),
+                Line::Trace(trace) => return Ok(*trace),
                 Line::Question(question) => self.send(&answer(&question))?,
             }
         }
@@ -249,7 +249,7 @@ mod tests {
             power_is_cut: false,
             unmodelled: vec!["UART0".to_owned()],
         };
-        assert_eq!(serde_json::from_str::<Line>(text).unwrap(), Line::Trace(expected));
+        assert_eq!(serde_json::from_str::<Line>(text).unwrap(), Line::Trace(Box::new(expected)));
     }
 
     #[test]
