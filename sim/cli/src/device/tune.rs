@@ -140,13 +140,13 @@ impl Tune {
         let changes = changes(&settings, &tuned, &designs);
         let changed = change(&settings, &changes)?;
         filters(&changed).map_err(|error| miette!(help = super::design_remedy(&error), "{error}"))?;
+        let mut text = summary(&tuned, &designs, &changes);
         if !self.yes {
-            eprint!("{}", summary(&tuned, &designs, &changes));
+            eprint!("{}", std::mem::take(&mut text));
         }
         self.ask("Write these settings and store them?", "no setting was changed")?;
         let warnings: Vec<String> = session.set_settings(&changed)?.iter().map(|warning| warning.to_string()).collect();
         session.save()?;
-        let mut text = summary(&tuned, &designs, &changes);
         text.extend(warnings.iter().map(|sentence| warning(sentence)));
         write!(text, "Set and saved. Take the jumper out before a flight.\nWritten to {}\n", self.out.display())
             .into_diagnostic()?;
@@ -366,15 +366,37 @@ fn summary(tuned: &[Tuned], designs: &[DesignResult], changes: &[(String, String
         );
         text.extend(one.judgement.limits.iter().map(|limit| format!("  - {limit}\n")));
     }
-    for (key, value) in changes {
-        text += &format!("  {key} = {value}\n");
+    let mut rest = changes;
+    while let Some((_, value)) = rest.first() {
+        // Of motors that were not tuned one after the other has the same time constants.
+        let alike = rest.iter().take_while(|(_, other)| other == value).count();
+        let (these, others) = rest.split_at(alike);
+        let keys: Vec<&str> = these.iter().map(|(key, _)| key.as_str()).collect();
+        text += &format!("  {} = {}\n", keys.join(", "), in_short(value));
+        rest = others;
     }
     text
+}
+
+/// A curve by its ends: all of it is in the compensator's file.
+fn in_short(value: &str) -> String {
+    let points: Vec<&str> = value.split(',').collect();
+    match points[..] {
+        [first, _, _, .., last] => format!("{first} to {last}, {} points", points.len()),
+        _ => value.to_owned(),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_curve_is_shown_by_its_ends() {
+        assert_eq!(in_short("0:0.07,0.3:0.06,0.5:0.05,1:0.03"), "0:0.07 to 1:0.03, 4 points");
+        assert_eq!(in_short("0.3:52000,0.4:65000,0.5:77000"), "0.3:52000,0.4:65000,0.5:77000");
+        assert_eq!(in_short("rpm"), "rpm");
+    }
 
     #[test]
     fn nothing_but_a_whole_yes_confirms() {
