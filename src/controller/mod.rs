@@ -51,8 +51,8 @@ pub use supervision::Supervisor;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, Outputs, RECORD_QUEUE, Tick};
 
 use crate::channel::{Channel, ChannelSettings, ExcitationLimits, LONGEST_RAMP_TICKS};
-use crate::compensator::Filter;
-use crate::settings::{DEAD_MAN_MS, MOTORS, Validated};
+use crate::compensator::{Filter, SpeedCorrection};
+use crate::settings::{CompensatorKind, DEAD_MAN_MS, MOTORS, Validated};
 use crate::throttle::Command;
 
 /// Control ticks in so many milliseconds.
@@ -97,7 +97,11 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
 pub fn channels(settings: &Validated, filters: [Filter; MOTORS]) -> Option<[Channel; MOTORS]> {
     let channel = |motor, filter| {
         let mut channel = Channel::new(&channel_settings(settings, motor), filter).ok()?;
-        channel.set_enabled(settings.motors.get(motor)?.compensate);
+        let motor = settings.motors.get(motor)?;
+        channel.set_enabled(motor.compensate);
+        if let (CompensatorKind::Rpm, Some(curve)) = (settings.compensator, &motor.erpm) {
+            channel.set_correction(SpeedCorrection::new(curve, settings.loop_rate_hz));
+        }
         Some(channel)
     };
     let [a, b, c, d] = filters;

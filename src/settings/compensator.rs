@@ -13,6 +13,9 @@ pub enum CompensatorKind {
     /// The conditioned inverse of [`Settings::inverse`](super::Settings::inverse) and each motor's
     /// [`curve`](super::MotorSettings::curve).
     Inverse,
+    /// The inverse, which goes by the speed that the ESCs say: its gain is corrected to what each motor's
+    /// [`erpm`](super::MotorSettings::erpm) has for its commands.
+    Rpm,
 }
 
 /// The continuous lead compensator. See [`LeadParameters`].

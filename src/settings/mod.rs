@@ -11,6 +11,7 @@ mod key;
 mod layout_1;
 mod layout_2;
 mod layout_3;
+mod layout_4;
 mod levels;
 mod store;
 mod validate;
@@ -19,7 +20,7 @@ use libm::sqrt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve};
+use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve, SpeedCurve};
 use crate::throttle::Command;
 
 pub use crate::channel::NoSignal;
@@ -54,7 +55,7 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | key | range | default |
 /// |---|---|---|
 /// | `loop_rate_hz` | 1000..=10000 | 5000 |
-/// | `compensator` | lead, inverse | lead |
+/// | `compensator` | lead, inverse, rpm | lead |
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.natural_rad_s` | above 0 | the paper's, 94.2 |
@@ -73,7 +74,8 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | `motor.N.idle` | `arming` or above, up to 0.2, or none | none: 0.05, or `arming` where that is above; DShot: `arming` |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
 /// | `motor.N.hold_ms` | 0..=1000 | 100 |
-/// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse | none |
+/// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse or rpm | none |
+/// | `motor.N.erpm` | 1000..=1e6, rising over a twentieth of the range or more, or none; needed where `compensator` is rpm and `motor.N.compensate` true | none |
 /// | `excitation.max_duration_s` | 1..=600 | 120 |
 /// | `excitation.max_command` | 0..=1 | 0.75 |
 /// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
@@ -130,6 +132,8 @@ pub struct MotorSettings {
     pub hold_ms: u16,
     /// The rotor's time constants over the command; `None` where they are not known.
     pub curve: Option<RotorCurve>,
+    /// The rotor's electrical speed over the command; `None` where it is not known.
+    pub erpm: Option<SpeedCurve>,
 }
 
 /// What an excitation may do.
@@ -195,6 +199,7 @@ impl Default for MotorSettings {
             max: percent(100),
             hold_ms: 100,
             curve: None,
+            erpm: None,
         }
     }
 }

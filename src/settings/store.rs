@@ -43,18 +43,19 @@ use serde::{Deserialize, Serialize};
 use super::layout_1::{self, Settings1};
 use super::layout_2::{self, Settings2};
 use super::layout_3::{self, Settings3};
+use super::layout_4::{self, Settings4};
 use super::{Settings, Validated};
 use crate::checksum::CHECKSUM;
 
 /// Where sets begin: at a multiple of so many bytes.
 pub const PAGE_BYTES: usize = 512;
-/// Longest set, two pages: with a curve for each of the four motors some 750 bytes.
+/// Longest set, two pages: with the curves of the four motors some 850 bytes.
 const SET_BYTES: usize = 2 * PAGE_BYTES;
 
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
 /// Number of the settings' layout.
-const LAYOUT: u16 = 4;
+const LAYOUT: u16 = 5;
 const HEADER_BYTES: usize = 12;
 const CHECKSUM_BYTES: usize = 4;
 /// An erased byte.
@@ -297,6 +298,7 @@ fn decode(set: &[u8]) -> Option<Copy> {
         layout_1::LAYOUT => whole::<Settings1>(body)?.migrate(),
         layout_2::LAYOUT => whole::<Settings2>(body)?.migrate(),
         layout_3::LAYOUT => whole::<Settings3>(body)?.migrate(),
+        layout_4::LAYOUT => whole::<Settings4>(body)?.migrate(),
         LAYOUT => whole::<Settings>(body)?,
         _ => return None,
     };

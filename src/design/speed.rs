@@ -1,0 +1,49 @@
+//! The rotor's electrical speed over the command.
+
+use crate::throttle::Command;
+
+/// Range of electrical speeds, revolutions per minute. Derived: the longest turn that a reply can say, 65 ms, is one of 917; a turn at the
+/// highest takes 60 microseconds, of which a reply counts whole ones.
+pub const ERPM_RANGE: (f64, f64) = (1e3, 1e6);
+/// The shortest range of commands. Chosen: a slope over less is mostly noise, and coefficients of a tick are bounded by it.
+pub const SHORTEST_SPEED_RANGE: Command = Command::from_bits_in_range(Command::ONE.to_bits() / 20);
+
+/// A rotor's electrical speed at rest, in revolutions per minute, as a quadratic of the command between two commands. It is that of the
+/// three speeds at the lower one, in the middle, and at the higher one.
+///
+/// An electrical turn is a turn of the rotor over its pairs of poles: what an ESC measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "settings", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
+pub struct SpeedCurve {
+    from: i32,
+    to: i32,
+    erpm: [f32; 3],
+}
+
+impl SpeedCurve {
+    /// Between two commands, from the speeds at the first, in the middle, and at the second. [`Self::is_rising`] and the ranges are for a
+    /// caller to ask.
+    #[must_use]
+    pub const fn new(from: Command, to: Command, erpm: [f32; 3]) -> Self {
+        Self { from: from.to_bits(), to: to.to_bits(), erpm }
+    }
+
+    /// The commands between which it is known, in Q2.29.
+    #[must_use]
+    pub const fn range(&self) -> [i32; 2] {
+        [self.from, self.to]
+    }
+
+    /// The speeds at the lower command, in the middle, and at the higher one.
+    #[must_use]
+    pub fn erpm(&self) -> [f64; 3] {
+        self.erpm.map(f64::from)
+    }
+
+    /// Whether more command is nowhere less speed: the slopes at both ends are not negative, and between them lie all others.
+    #[must_use]
+    pub fn is_rising(&self) -> bool {
+        let [low, middle, high] = self.erpm();
+        4.0 * middle >= 3.0 * low + high && 3.0 * high + low >= 4.0 * middle && high > low
+    }
+}
