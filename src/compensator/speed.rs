@@ -264,18 +264,10 @@ mod tests {
     #[test]
     fn the_inverse_gain_follows_and_a_return_to_one_ends() {
         let curve = SpeedCurve::new(command(0.2), command(0.8), [40_000.0, 70_000.0, 95_000.0]);
-        for (turn_us, ends_at) in [(2000, 1.25), (500, 0.8)] {
+        // Too far off to say anything.
+        for turn_us in [2000, 400] {
             let mut correction = SpeedCorrection::new(&curve, 5000);
-            let v = command(0.5);
-            for _ in 0..20_000 {
-                correction.update(v, turn_us);
-                let product = signed(correction.gain, correction.inverse_gain) as f64 / libm::ldexp(1.0, 60);
-                assert!((product - 1.0).abs() < 1e-7, "{product}");
-                if (correction.gain() - ends_at).abs() < 1e-8 {
-                    break;
-                }
-            }
-            // Both turns are too far off to say anything at 0.5: nothing moves.
+            (0..20_000).for_each(|_| correction.update(command(0.5), turn_us));
             assert_eq!(correction.gain(), 1.0);
         }
         for (turn_us, ends_at) in [(1200, 1.25), (600, 0.8)] {
