@@ -276,6 +276,8 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
         (motor.disarming, motor.arming, motor.idle) = (Some(bits(0.18)), Some(bits(0.19)), Some(HIGHEST_IDLE));
         motor.max = bits(0.9);
         motor.hold_ms = 1000;
+        let [from, to] = [0.9, 1.0].map(Command::saturating_from_f64);
+        motor.erpm = Some(SpeedCurve::new(from, to, [52_000.0, 65_000.0, 77_000.0]));
     }
     settings.excitation = ExcitationLimits {
         max_duration_s: 600,
@@ -289,7 +291,7 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
 
     let body = postcard::to_stdvec(&*settings).unwrap();
     let set = stored(LAYOUT, 1, &body);
-    assert_eq!((body.len(), set.len()), (718, 734));
+    assert_eq!((body.len(), set.len()), (810, 826));
     assert!(set.len() <= 2 * PAGE);
     let mut stored = store(Nor::blank());
     stored.save(&settings).unwrap();

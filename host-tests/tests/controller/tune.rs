@@ -161,6 +161,40 @@ fn two_motors_get_the_compensators_that_their_replies_ask_for() {
 }
 
 #[test]
+fn speeds_that_correct_an_inverse_are_set_with_it_and_without_them_it_stays_blind() {
+    let vehicle = Vehicle::new(Trouble::None, &[Rotor::new(0.050)]);
+    let error = vehicle.refused("--motors 0 --nominal 0.4 --most-rpm 12500 --motor-poles 14 --rpm");
+    assert!(error.contains("two commands or more"), "{error}");
+    vehicle
+        .device(&format!("tune --yes --out @tuned --motors 0 {LEVELS} --motor-poles 14 --kind inverse --rpm"))
+        .unwrap();
+    let all = vehicle.settings();
+    assert_eq!(all["compensator"], "rpm");
+    for motor in 0..4 {
+        let speeds = all[format!("motor.{motor}.erpm")].as_str().unwrap();
+        println!("{speeds}");
+        for (point, command) in speeds.split(',').zip([0.3, 0.4, 0.5]) {
+            let (at, erpm) = point.split_once(':').unwrap();
+            let truth = POLES / 2.0 * Rotor::new(0.05).rpm(command);
+            assert!((at.parse::<f64>().unwrap() - command).abs() < 1e-8);
+            assert!((erpm.parse::<f64>().unwrap() / truth - 1.0).abs() < 0.005, "{point} of {truth}");
+        }
+    }
+    // Written by hand it is what was shown.
+    vehicle.device(&format!("set motor.1.erpm {}", all["motor.0.erpm"].as_str().unwrap())).unwrap();
+    assert_eq!(vehicle.settings(), all);
+    for (change, word) in [
+        ("set output.protocol dshot600", "dshot600_bidirectional"),
+        ("set motor.0.erpm none", "COMMAND:ERPM"),
+        ("set motor.0.erpm 0.3:50000,0.5:40000", "must rise"),
+        ("set motor.0.erpm 0.3:50000", "two points or more"),
+    ] {
+        let error = vehicle.device(change).unwrap_err();
+        assert!(error.contains(word), "{change}: {error}");
+    }
+}
+
+#[test]
 fn a_motor_that_runs_away_is_stopped_and_nothing_is_set() {
     // Without its propeller.
     let vehicle = Vehicle::new(Trouble::None, &[Rotor { faster: 1.7, ..Rotor::new(0.01) }]);
