@@ -234,7 +234,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000808090a48ee61bd00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000809090a367c201800");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -205,12 +205,12 @@ const STEP: f64 = 1.0 / 2000.0;
 #[test]
 fn a_sagging_battery_is_made_up_for_within_seconds() {
     let mut plain = Flight::new(CompensatorKind::Inverse, SAG, CLEAN);
-    plain.run(10.0, |_| 0.5);
+    plain.run(20.0, |_| 0.5);
     let mut flight = Flight::new(CompensatorKind::Rpm, SAG, CLEAN);
     let right = flight.right(0.5);
     // The time to 63 % of the way.
     let mut reached_s = None;
-    for tick in 0..50_000 {
+    for tick in 0..100_000 {
         flight.tick(0.5);
         if reached_s.is_none() && flight.gain() > 1.0 + (right - 1.0) * 0.632 {
             reached_s = Some(f64::from(tick) / LOOP_HZ);
@@ -223,8 +223,8 @@ fn a_sagging_battery_is_made_up_for_within_seconds() {
     );
     println!("largest step of the output {:.2e}", flight.largest_step(10));
     assert!(before < -0.1 && after.abs() < RESOLUTION);
-    assert!((1.5..4.0).contains(&reached_s), "{reached_s}");
-    // The rate times the elasticity, 0.5 rad/s and 0.7.
+    // One over 0.5 rad/s times the elasticity, 0.7; a tenth more far from where it settles.
+    assert!((2.8..3.2).contains(&reached_s), "{reached_s}");
 }
 
 #[test]
@@ -364,8 +364,10 @@ fn the_gain_has_bounds_and_faults_do_not_reach_them() {
     flight.run(3.0, |_| 0.5);
     assert!((flight.gain() - 1.0).abs() < 0.02, "it stands");
     let mut flight = Flight::new(CompensatorKind::Rpm, SAG, CLEAN);
-    flight.run(5.0, |_| 0.9);
-    assert_eq!(flight.gain(), 1.0, "beyond the speeds that are known");
-    flight.run(5.0, |_| 0.1);
-    assert_eq!(flight.gain(), 1.0);
+    for beyond in [0.9, 0.1] {
+        flight.run(1.0, |_| beyond);
+        let held = flight.gain();
+        flight.run(5.0, |_| beyond);
+        assert_eq!(flight.gain(), held, "no speed is known at {beyond}");
+    }
 }

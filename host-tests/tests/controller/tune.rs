@@ -185,7 +185,7 @@ fn speeds_that_correct_an_inverse_are_set_with_it_and_without_them_it_stays_blin
     assert_eq!(vehicle.settings(), all);
     for (change, word) in [
         ("set output.protocol dshot600", "dshot600_bidirectional"),
-        ("set motor.0.erpm none", "COMMAND:ERPM"),
+        ("set motor.0.erpm none", "motor.0.erpm is none"),
         ("set motor.0.erpm 0.3:50000,0.5:40000", "must rise"),
         ("set motor.0.erpm 0.3:50000", "two points or more"),
     ] {
