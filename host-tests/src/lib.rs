@@ -355,7 +355,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 };
                 let [disarming, arming, idle] = [0, 1, 2].map(low);
                 let max = level(levels[3]);
-                MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve, erpm: None }
+                MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve }
             });
             let lead = lead.map_or(Settings::default().lead, |(pole, ratio, damping)| {
                 let omega_f_rad_s = pole * f64::from(loop_rate_hz);

@@ -64,6 +64,12 @@ const SLOPE_BITS: u32 = 31;
 const BEND_BITS: u32 = 28;
 const STEP_BITS: u32 = 38;
 const COMMAND_BITS: u32 = crate::throttle::FRACTION_BITS;
+/// A revolution per minute in turns per microsecond, so many bits after the point: of a difference over half of the range in Q2.29 it is a
+/// slope, `2^31 / (2 * 2^-29)` each. Four times the highest speed, 2^22, is 2^56 of it.
+const TURNS_BITS: u32 = SLOPE_BITS + COMMAND_BITS - 1;
+const TURNS_PER_US: i64 = ((1_u64 << TURNS_BITS) as f64 / 60e6) as i64;
+/// `omega_i` times the ticks of an update: over the ticks in a second it is `omega_i T_u`.
+const UPDATES_PER_TICK: u64 = (OMEGA_I_RAD_S * TICKS_PER_UPDATE as f64 * (1_u64 << STEP_BITS) as f64) as u64;
 
 /// The correction of one motor with its state. Without a curve it does nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,21 +110,24 @@ impl SpeedCorrection {
     };
 
     /// By a curve of validated settings, in a loop of so many ticks per second.
+    // Once for all motors: in line it would take several times the flash.
     #[must_use]
+    #[inline(never)]
     pub fn new(curve: &SpeedCurve, loop_rate_hz: u32) -> Self {
-        let updates_hz = f64::from(loop_rate_hz) / f64::from(TICKS_PER_UPDATE);
         let [from, to] = curve.range();
-        let half = f64::from(to - from) / f64::from(2 * Command::ONE.to_bits() as u32);
-        let [low, middle, high] = curve.erpm().map(|erpm| erpm / 60e6);
-        let fixed = |value: f64, bits: u32| libm::rint(libm::ldexp(value, bits as i32)) as i32;
+        let [low, middle, high] = curve.erpm().map(i64::from);
+        // The settings have them a twentieth of the range apart.
+        let half = i64::from(to - from).max(2) / 2;
+        let per_half = |erpm: i64| erpm * TURNS_PER_US / half;
         Self {
-            rate: fixed(OMEGA_I_RAD_S / updates_hz, STEP_BITS),
+            rate: (UPDATES_PER_TICK / u64::from(loop_rate_hz.max(1))) as i32,
             patience: PATIENCE_S * loop_rate_hz / TICKS_PER_UPDATE,
             from,
             span: to - from,
-            speed: fixed(low, SPEED_BITS),
-            slope: fixed((4.0 * middle - 3.0 * low - high) / (2.0 * half), SLOPE_BITS),
-            bend: fixed((low - 2.0 * middle + high) / (2.0 * half * half), BEND_BITS),
+            speed: (low * TURNS_PER_US >> (TURNS_BITS - SPEED_BITS)) as i32,
+            slope: per_half(4 * middle - 3 * low - high) as i32,
+            bend: ((per_half(low - 2 * middle + high) << (BEND_BITS + 2 * COMMAND_BITS - 1 - TURNS_BITS)) / half)
+                as i32,
             ..Self::NONE
         }
     }
@@ -205,7 +214,7 @@ mod tests {
 
     /// Curves at the ends of their ranges: slow and fast, straight and bent as much as they may be, over little and over everything.
     fn extreme_curves() -> Vec<SpeedCurve> {
-        let (low, high) = ERPM_RANGE;
+        let (low, high) = (f64::from(ERPM_RANGE.0), f64::from(ERPM_RANGE.1));
         let shortest = SHORTEST_SPEED_RANGE.to_f64();
         let mut curves = Vec::new();
         for (from, to) in [(0.0, 1.0), (0.0, shortest), (1.0 - shortest, 1.0), (0.3, 0.5)] {
@@ -213,7 +222,7 @@ mod tests {
                 // A slope of 0 at one end, and a straight line.
                 for middle in [(3.0 * low + high) / 4.0 + 0.01 * low, (low + high) / 2.0, (low + 3.0 * high) / 4.0] {
                     let curve =
-                        SpeedCurve::new(command(from), command(to), [low, middle, high].map(|erpm| erpm as f32));
+                        SpeedCurve::new(command(from), command(to), [low, middle, high].map(|erpm| erpm as u32));
                     curves.push(curve);
                 }
             }
@@ -250,7 +259,7 @@ mod tests {
     fn the_speed_is_the_quadratic_to_a_part_in_ten_thousand() {
         for curve in extreme_curves() {
             let correction = SpeedCorrection::new(&curve, 5000);
-            let [low, middle, high] = curve.erpm();
+            let [low, middle, high] = curve.erpm().map(f64::from);
             for part in 0..=100 {
                 let x = f64::from(part) / 50.0;
                 let lagrange = low * (x - 1.0) * (x - 2.0) / 2.0 - middle * x * (x - 2.0) + high * x * (x - 1.0) / 2.0;
@@ -263,7 +272,7 @@ mod tests {
 
     #[test]
     fn the_inverse_gain_follows_and_a_return_to_one_ends() {
-        let curve = SpeedCurve::new(command(0.2), command(0.8), [40_000.0, 70_000.0, 95_000.0]);
+        let curve = SpeedCurve::new(command(0.2), command(0.8), [40_000, 70_000, 95_000]);
         // Too far off to say anything.
         for turn_us in [2000, 400] {
             let mut correction = SpeedCorrection::new(&curve, 5000);

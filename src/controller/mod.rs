@@ -97,10 +97,9 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
 pub fn channels(settings: &Validated, filters: [Filter; MOTORS]) -> Option<[Channel; MOTORS]> {
     let channel = |motor, filter| {
         let mut channel = Channel::new(&channel_settings(settings, motor), filter).ok()?;
-        let motor = settings.motors.get(motor)?;
-        channel.set_enabled(motor.compensate);
-        if let (CompensatorKind::Rpm, Some(curve)) = (settings.compensator, &motor.erpm) {
-            channel.set_correction(SpeedCorrection::new(curve, settings.loop_rate_hz));
+        channel.set_enabled(settings.motors.get(motor)?.compensate);
+        if let (CompensatorKind::Rpm, Some(speeds)) = (settings.compensator, settings.speeds.get(motor)?) {
+            channel.set_correction(SpeedCorrection::new(speeds, settings.loop_rate_hz));
         }
         Some(channel)
     };

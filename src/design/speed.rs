@@ -4,7 +4,7 @@ use crate::throttle::Command;
 
 /// Range of electrical speeds, revolutions per minute. Derived: the longest turn that a reply can say, 65 ms, is one of 917; a turn at the
 /// highest takes 60 microseconds, of which a reply counts whole ones.
-pub const ERPM_RANGE: (f64, f64) = (1e3, 1e6);
+pub const ERPM_RANGE: (u32, u32) = (1000, 1_000_000);
 /// The shortest range of commands. Chosen: a slope over less is mostly noise, and coefficients of a tick are bounded by it.
 pub const SHORTEST_SPEED_RANGE: Command = Command::from_bits_in_range(Command::ONE.to_bits() / 20);
 
@@ -12,19 +12,19 @@ pub const SHORTEST_SPEED_RANGE: Command = Command::from_bits_in_range(Command::O
 /// three speeds at the lower one, in the middle, and at the higher one.
 ///
 /// An electrical turn is a turn of the rotor over its pairs of poles: what an ESC measures.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "settings", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 pub struct SpeedCurve {
     from: i32,
     to: i32,
-    erpm: [f32; 3],
+    erpm: [u32; 3],
 }
 
 impl SpeedCurve {
     /// Between two commands, from the speeds at the first, in the middle, and at the second. [`Self::is_rising`] and the ranges are for a
     /// caller to ask.
     #[must_use]
-    pub const fn new(from: Command, to: Command, erpm: [f32; 3]) -> Self {
+    pub const fn new(from: Command, to: Command, erpm: [u32; 3]) -> Self {
         Self { from: from.to_bits(), to: to.to_bits(), erpm }
     }
 
@@ -36,14 +36,14 @@ impl SpeedCurve {
 
     /// The speeds at the lower command, in the middle, and at the higher one.
     #[must_use]
-    pub fn erpm(&self) -> [f64; 3] {
-        self.erpm.map(f64::from)
+    pub const fn erpm(&self) -> [u32; 3] {
+        self.erpm
     }
 
     /// Whether more command is nowhere less speed: the slopes at both ends are not negative, and between them lie all others.
     #[must_use]
     pub fn is_rising(&self) -> bool {
-        let [low, middle, high] = self.erpm();
-        4.0 * middle >= 3.0 * low + high && 3.0 * high + low >= 4.0 * middle && high > low
+        let [low, middle, high] = self.erpm.map(i64::from);
+        4 * middle >= 3 * low + high && 3 * high + low >= 4 * middle && high > low
     }
 }

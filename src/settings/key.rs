@@ -58,7 +58,7 @@ pub enum Key {
     HoldMs,
     /// [`MotorSettings::curve`](super::MotorSettings::curve)
     TimeConstantS,
-    /// [`MotorSettings::erpm`](super::MotorSettings::erpm)
+    /// [`Settings::speeds`](super::Settings::speeds)
     Erpm,
     /// [`ExcitationLimits::max_duration_s`](super::ExcitationLimits::max_duration_s)
     ExcitationMaxDurationS,

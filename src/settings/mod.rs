@@ -11,7 +11,6 @@ mod key;
 mod layout_1;
 mod layout_2;
 mod layout_3;
-mod layout_4;
 mod levels;
 mod store;
 mod validate;
@@ -113,6 +112,9 @@ pub struct Settings {
     pub excitation: ExcitationLimits,
     /// The recorder takes one tick in so many, unless a request says otherwise.
     pub recorder_divisor: u16,
+    /// Each motor's electrical speed over the command; `None` where it is not known. Last, so that what an older layout has is a set without
+    /// them.
+    pub speeds: [Option<SpeedCurve>; MOTORS],
 }
 
 /// One motor's own parameters.
@@ -132,8 +134,6 @@ pub struct MotorSettings {
     pub hold_ms: u16,
     /// The rotor's time constants over the command; `None` where they are not known.
     pub curve: Option<RotorCurve>,
-    /// The rotor's electrical speed over the command; `None` where it is not known.
-    pub erpm: Option<SpeedCurve>,
 }
 
 /// What an excitation may do.
@@ -185,6 +185,7 @@ impl Default for Settings {
                 ramp_ms: 2000,
             },
             recorder_divisor: 1,
+            speeds: [None; MOTORS],
         }
     }
 }
@@ -199,7 +200,6 @@ impl Default for MotorSettings {
             max: percent(100),
             hold_ms: 100,
             curve: None,
-            erpm: None,
         }
     }
 }

@@ -363,9 +363,9 @@ impl Settings {
             let place = SettingId { key: Key::OutputProtocol, motor: None };
             return Err(SettingsError { place, problem: Problem::NeedsReplies });
         }
-        for (index, motor) in (0..).zip(&self.motors) {
+        for ((index, motor), speeds) in (0..).zip(&self.motors).zip(&self.speeds) {
             let place = SettingId { key: Key::Erpm, motor: Some(index) };
-            match &motor.erpm {
+            match speeds {
                 Some(curve) => check_speed(place, curve)?,
                 None if is_used && motor.compensate => {
                     return Err(SettingsError { place, problem: Problem::NoSpeed });

@@ -5,7 +5,7 @@ use rotorlead::link::{
     CHECKSUM, ExciteRequest, FRAME_BYTES, Faults, InjectRequest, Injected, LineSet, Message, PAYLOAD_BYTES, Receiver,
     Record, RecordRequest, Request, Series, Source, VERSION, encode,
 };
-use rotorlead::settings::{CompensatorKind, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
+use rotorlead::settings::{CompensatorKind, MOTORS, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -166,8 +166,9 @@ fn with_curves() -> Settings {
     let mut settings = Settings { compensator: CompensatorKind::Inverse, ..Settings::default() };
     let curve = RotorCurve::through(&crate::paper_curve()).ok();
     let [from, to] = [0.4, 0.65].map(Command::saturating_from_f64);
-    let speeds = Some(SpeedCurve::new(from, to, [52_000.0, 65_000.0, 77_000.0]));
-    settings.motors.iter_mut().for_each(|motor| (motor.curve, motor.erpm) = (curve, speeds));
+    let speeds = Some(SpeedCurve::new(from, to, [52_000, 65_000, 77_000]));
+    settings.motors.iter_mut().for_each(|motor| motor.curve = curve);
+    settings.speeds = [speeds; MOTORS];
     settings
 }
 

@@ -35,14 +35,14 @@ fn receive<T: DeserializeOwned>(receiver: &mut Receiver<T>, bytes: &[u8]) -> Vec
 
 /// The default settings: loop rate; lead or inverse; the lead's zero, poles and damping as `f64`; the inverse's natural
 /// frequency, damping and slew as `f64`, and its range; input and output; stop, what there is without a signal, stop pulses;
-/// four motors of compensate, disarming, arming, idle, max, hold, curve, speeds; the excitation's duration, command, amplitude, time
-/// to arm and ramp; the divisor.
+/// four motors of compensate, disarming, arming, idle, max, hold, curve; the excitation's duration, command, amplitude, time
+/// to arm and ramp; the divisor; the motors' speeds.
 macro_rules! DEFAULTS {
     () => {
         "8827 00 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f \
          15144196cb8d5740 cd3b7f669ea0e63f 00 8080808004 01ea03 01ef03 0000000000003440 00 00 d00f 01 \
-         00 000000 8080808004 64 0000 00 000000 8080808004 64 0000 00 000000 8080808004 64 0000 00 000000 8080808004 64 0000 \
-         78 8080808003 e6cc9933 b817 d00f 01"
+         00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 \
+         78 8080808003 e6cc9933 b817 d00f 01 00000000"
     };
 }
 

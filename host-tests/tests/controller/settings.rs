@@ -276,8 +276,6 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
         (motor.disarming, motor.arming, motor.idle) = (Some(bits(0.18)), Some(bits(0.19)), Some(HIGHEST_IDLE));
         motor.max = bits(0.9);
         motor.hold_ms = 1000;
-        let [from, to] = [0.9, 1.0].map(Command::saturating_from_f64);
-        motor.erpm = Some(SpeedCurve::new(from, to, [52_000.0, 65_000.0, 77_000.0]));
     }
     settings.excitation = ExcitationLimits {
         max_duration_s: 600,
@@ -287,6 +285,8 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
         ramp_ms: 10_000,
     };
     settings.recorder_divisor = 5000;
+    let [from, to] = [0.9, 1.0].map(Command::saturating_from_f64);
+    settings.speeds = [Some(SpeedCurve::new(from, to, [52_000, 65_000, 77_000])); MOTORS];
     let settings = settings.validate().unwrap();
 
     let body = postcard::to_stdvec(&*settings).unwrap();
@@ -675,17 +675,17 @@ fn settings_of_the_fourth_layout_are_migrated_without_speeds() {
     chosen.compensate = true;
     (chosen.disarming, chosen.arming, chosen.idle) = (Some(85_899_345), Some(102_005_473), Some(104_689_827));
     assert_eq!(*loaded.settings, expected);
-    assert!(loaded.settings.motors.iter().all(|motor| motor.erpm.is_none()));
+    assert_eq!(loaded.settings.speeds, [None; MOTORS]);
 }
 
 /// Speeds are asked for where they are used, with replies to go by.
 #[test]
 fn a_correction_needs_speeds_that_rise_and_replies() {
-    let erpm = |from: f64, to: f64, erpm: [f32; 3]| {
+    let erpm = |from: f64, to: f64, erpm: [u32; 3]| {
         let [from, to] = [from, to].map(Command::saturating_from_f64);
         Some(SpeedCurve::new(from, to, erpm))
     };
-    let good = erpm(0.3, 0.5, [52_000.0, 65_000.0, 77_000.0]);
+    let good = erpm(0.3, 0.5, [52_000, 65_000, 77_000]);
     let rpm = |change: &dyn Fn(&mut Settings)| {
         let output = Pulse { protocol: PulseProtocol::Dshot300Bidirectional, frame_hz: 1000 };
         let mut settings = Settings { compensator: CompensatorKind::Rpm, output, ..Settings::default() };
@@ -693,7 +693,7 @@ fn a_correction_needs_speeds_that_rise_and_replies() {
             motor.curve = Some(RotorCurve::from_time_constants_s([0.05; 33]));
         }
         settings.motors[2].compensate = true;
-        settings.motors[2].erpm = good;
+        settings.speeds[2] = good;
         change(&mut settings);
         settings.validate().map(drop).map_err(|error| (error.place.to_string(), error.problem, error.to_string()))
     };
@@ -703,21 +703,21 @@ fn a_correction_needs_speeds_that_rise_and_replies() {
         assert_eq!((&*found, why), (place, problem), "{sentence}");
         assert!(sentence.contains(place), "{sentence}");
     };
-    refused(&|settings| settings.motors[2].erpm = None, "motor.2.erpm", Problem::NoSpeed);
+    refused(&|settings| settings.speeds[2] = None, "motor.2.erpm", Problem::NoSpeed);
     refused(&|settings| settings.motors[3].curve = None, "motor.3.time_constant_s", Problem::NoCurve);
     refused(&|settings| settings.output.protocol = PulseProtocol::Dshot300, "output.protocol", Problem::NeedsReplies);
-    for speeds in [[52_000.0, 52_000.0, 52_000.0], [52_000.0, 80_000.0, 77_000.0], [52_000.0, 50_000.0, 77_000.0]] {
-        let falls = |settings: &mut Settings| settings.motors[1].erpm = erpm(0.3, 0.5, speeds);
+    for speeds in [[52_000, 52_000, 52_000], [52_000, 80_000, 77_000], [52_000, 50_000, 77_000]] {
+        let falls = |settings: &mut Settings| settings.speeds[1] = erpm(0.3, 0.5, speeds);
         refused(&falls, "motor.1.erpm", Problem::SpeedFalls);
     }
     for (from, to, speeds) in [
-        (0.3, 0.34, [52_000.0, 65_000.0, 77_000.0]),
-        (0.5, 0.3, [52_000.0, 65_000.0, 77_000.0]),
-        (0.3, 0.5, [900.0, 65_000.0, 77_000.0]),
-        (0.3, 0.5, [52_000.0, 65_000.0, 1.1e6]),
-        (0.3, 0.5, [52_000.0, f32::NAN, 77_000.0]),
+        (0.3, 0.34, [52_000, 65_000, 77_000]),
+        (0.5, 0.3, [52_000, 65_000, 77_000]),
+        (0.3, 0.5, [999, 65_000, 77_000]),
+        (0.3, 0.5, [52_000, 65_000, 1_000_001]),
+        (0.3, 0.5, [52_000, u32::MAX, 77_000]),
     ] {
-        let (place, problem, _) = rpm(&|settings| settings.motors[1].erpm = erpm(from, to, speeds)).unwrap_err();
+        let (place, problem, _) = rpm(&|settings| settings.speeds[1] = erpm(from, to, speeds)).unwrap_err();
         assert!(place == "motor.1.erpm" && matches!(problem, Problem::OutOfRange { .. }), "{place} {problem:?}");
     }
 }

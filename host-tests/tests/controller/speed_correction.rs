@@ -8,7 +8,7 @@ use rotorlead::design::{CurvePoint, RotorCurve, SpeedCurve};
 use rotorlead::dshot::{
     Checksum, Content, Frame, REPLY_BITS, Reply, ReplyWindow, Value, WINDOW_LEVELS, WORD_LEVELS, Word,
 };
-use rotorlead::settings::{CompensatorKind, Pulse, PulseProtocol, Settings, Store};
+use rotorlead::settings::{CompensatorKind, MOTORS, Pulse, PulseProtocol, Settings, Store};
 use rotorlead::throttle::Command;
 
 const LOOP_HZ: f64 = 5000.0;
@@ -35,12 +35,12 @@ fn settings(compensator: CompensatorKind) -> Settings {
         ..Settings::default()
     };
     let [from, to] = [RANGE.0, RANGE.1].map(Command::saturating_from_f64);
-    let speeds = [RANGE.0, 0.5, RANGE.1].map(|command| identified(command) as f32);
+    let speeds = [RANGE.0, 0.5, RANGE.1].map(|command| identified(command) as u32);
     for motor in &mut settings.motors {
         motor.compensate = true;
         motor.curve = RotorCurve::through(&curve()).ok();
-        motor.erpm = Some(SpeedCurve::new(from, to, speeds));
     }
+    settings.speeds = [Some(SpeedCurve::new(from, to, speeds)); MOTORS];
     settings
 }
 

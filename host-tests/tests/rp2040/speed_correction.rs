@@ -8,7 +8,7 @@ use rotorlead::design::{RotorCurve, SpeedCurve};
 use rotorlead::dshot::{
     Checksum, Frame, REPLY_BITS, Reply, ReplyWindow, Speed, Value, WINDOW_LEVELS, WORD_LEVELS, Word,
 };
-use rotorlead::settings::{CompensatorKind, PulseProtocol, Settings, Store};
+use rotorlead::settings::{CompensatorKind, MOTORS, PulseProtocol, Settings, Store};
 use rotorlead::throttle::Command;
 
 use crate::bidirectional::{STARTED, esc, sent, settings};
@@ -28,8 +28,8 @@ fn with_correction() -> Settings {
     for motor in &mut settings.motors {
         motor.compensate = true;
         motor.curve = Some(RotorCurve::from_time_constants_s([0.04; 33]));
-        motor.erpm = Some(SpeedCurve::new(from, to, [52_000.0, 77_000.0, 98_000.0]));
     }
+    settings.speeds = [Some(SpeedCurve::new(from, to, [52_000, 77_000, 98_000])); MOTORS];
     settings
 }
 

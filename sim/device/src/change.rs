@@ -1,5 +1,6 @@
 //! Several settings changed at once.
 
+use rotorlead::design::SpeedCurve;
 use rotorlead::settings::{Key, MOTORS, MotorSettings, Problem, SettingId, Settings, SettingsError, Validated};
 
 use super::speed_text::SPEEDS;
@@ -45,13 +46,14 @@ impl Remedy {
                 return Self { others, left: Some(error) };
             }
             // Nobody but the user has the time constants and the speeds: which motors lack them.
-            let lacking: Option<(&str, fn(&MotorSettings) -> bool)> = match error.problem {
-                Problem::NoCurve => Some((CURVE, |motor| motor.curve.is_none())),
-                Problem::NoSpeed => Some((SPEEDS, |motor| motor.compensate && motor.erpm.is_none())),
+            let lacking: Option<(&str, fn(&MotorSettings, &Option<SpeedCurve>) -> bool)> = match error.problem {
+                Problem::NoCurve => Some((CURVE, |motor, _| motor.curve.is_none())),
+                Problem::NoSpeed => Some((SPEEDS, |motor, speeds| motor.compensate && speeds.is_none())),
                 _ => None,
             };
             if let Some((form, lacks)) = lacking {
-                let motors = (0..).zip(&settings.motors).filter(|(_, motor)| lacks(motor));
+                let motors = (0..).zip(settings.motors.iter().zip(&settings.speeds));
+                let motors = motors.filter(|(_, (motor, speeds))| lacks(motor, speeds));
                 let places = motors.map(|(motor, _)| SettingId { key: place.key, motor: Some(motor) });
                 others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, form.into())));
                 break;

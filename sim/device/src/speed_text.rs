@@ -15,7 +15,7 @@ pub const SPEEDS: &str = "COMMAND:ERPM,...";
 pub fn speeds_text(curve: &SpeedCurve) -> String {
     let [from, to] = curve.range();
     let commands = [from, from + (to - from) / 2, to].map(level_text);
-    let points = commands.iter().zip(curve.erpm()).map(|(command, erpm)| format!("{command}:{}", erpm as f32));
+    let points = commands.iter().zip(curve.erpm()).map(|(command, erpm)| format!("{command}:{erpm}"));
     points.collect::<Vec<_>>().join(",")
 }
 
@@ -52,7 +52,7 @@ pub fn speed_curve(points: &[(f64, f64)]) -> Result<SpeedCurve, String> {
         _ => quadratic(points, from, to),
     };
     let [from, to] = [from, to].map(Command::saturating_from_f64);
-    Ok(SpeedCurve::new(from, to, erpm.map(|erpm| erpm as f32)))
+    Ok(SpeedCurve::new(from, to, erpm.map(|erpm| erpm.round() as u32)))
 }
 
 /// The least squares quadratic through three points or more, at `from`, in the middle and at `to`.
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn text_gives_the_same_curve_back() {
         for text in
-            ["0.3:52000,0.4:65000,0.5:77000", "0.15:1000.5,0.6:900000", "0.2:31234.5,0.31:45000,0.43:57000,0.6:70100"]
+            ["0.3:52000,0.4:65000,0.5:77000", "0.15:1000,0.6:900001", "0.2:31234.5,0.31:45000,0.43:57000,0.6:70100"]
         {
             let curve = read_speeds(text).unwrap();
             let shown = speeds_text(&curve);
@@ -101,13 +101,13 @@ mod tests {
     fn least_squares_find_the_quadratic_that_the_points_are_of() {
         let speed = |u: f64| 9_000.0 + 150_000.0 * u - 40_000.0 * u * u;
         let points: Vec<(f64, f64)> = [0.2, 0.25, 0.4, 0.55, 0.7].map(|u| (u, speed(u))).to_vec();
-        for (found, u) in speed_curve(&points).unwrap().erpm().into_iter().zip([0.2, 0.45, 0.7]) {
-            assert!((found - speed(u)).abs() < 0.01, "{found} at {u}");
+        for (found, u) in speed_curve(&points).unwrap().erpm().map(f64::from).into_iter().zip([0.2, 0.45, 0.7]) {
+            assert!((found - speed(u)).abs() <= 0.5, "{found} at {u}");
         }
         // Alternating errors of 1 % at five points move it by less than that.
         let noisy: Vec<(f64, f64)> =
             points.iter().enumerate().map(|(i, &(u, erpm))| (u, erpm * if i % 2 == 0 { 1.01 } else { 0.99 })).collect();
-        for (found, u) in speed_curve(&noisy).unwrap().erpm().into_iter().zip([0.2, 0.45, 0.7]) {
+        for (found, u) in speed_curve(&noisy).unwrap().erpm().map(f64::from).into_iter().zip([0.2, 0.45, 0.7]) {
             assert!((found / speed(u) - 1.0).abs() < 0.01, "{found} at {u}");
         }
     }

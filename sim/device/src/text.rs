@@ -88,8 +88,7 @@ enum Value<'a> {
 
 impl<'a> Value<'a> {
     fn from_settings(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
-        let MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve, erpm } =
-            &mut settings.motors[motor];
+        let MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve } = &mut settings.motors[motor];
         let inverse = &mut settings.inverse;
         match key {
             Key::LoopRateHz => Self::Rate(&mut settings.loop_rate_hz),
@@ -117,7 +116,7 @@ impl<'a> Value<'a> {
             Key::Max => Self::Level(max),
             Key::HoldMs => Self::Count(hold_ms),
             Key::TimeConstantS => Self::Curve(curve),
-            Key::Erpm => Self::Speeds(erpm),
+            Key::Erpm => Self::Speeds(&mut settings.speeds[motor]),
             Key::ExcitationMaxDurationS => Self::Count(&mut settings.excitation.max_duration_s),
             Key::ExcitationMaxCommand => Self::Level(&mut settings.excitation.max_command),
             Key::ExcitationMaxAmplitude => Self::Level(&mut settings.excitation.max_amplitude),

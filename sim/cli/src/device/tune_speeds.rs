@@ -1,7 +1,7 @@
 //! What `device tune --rpm` sets beside an inverse: the speeds that correct it.
 
 use rotorlead::design::SpeedCurve;
-use rotorlead::settings::{Key, MOTORS, SettingId, Settings};
+use rotorlead::settings::{Key, SettingId, Settings};
 use rotorlead_device::{speed_curve, speeds_text};
 use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Experiment, Role};
@@ -21,10 +21,9 @@ pub(super) fn correct_by(changes: &mut Vec<(String, String)>, settings: &Setting
             *value = "rpm".to_owned();
         }
     }
-    let others = (0..).zip(&settings.motors).filter(|(_, motor)| motor.erpm.is_none()).map(|(motor, _)| motor);
-    for motor in 0..MOTORS as u8 {
+    for (motor, known) in (0..).zip(&settings.speeds) {
         let own = speeds.iter().find(|(tuned, _)| *tuned == motor);
-        let first = speeds.first().filter(|_| others.clone().any(|other| other == motor));
+        let first = speeds.first().filter(|_| known.is_none());
         if let Some((_, curve)) = own.or(first) {
             let key = SettingId { key: Key::Erpm, motor: Some(motor) };
             changes.push((key.to_string(), speeds_text(curve)));
