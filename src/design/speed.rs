@@ -14,36 +14,37 @@ pub const SHORTEST_SPEED_RANGE: Command = Command::from_bits_in_range(Command::O
 /// An electrical turn is a turn of the rotor over its pairs of poles: what an ESC measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "settings", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
-pub struct SpeedCurve {
-    from: i32,
-    to: i32,
-    erpm: [u32; 3],
-}
+pub struct SpeedCurve(
+    /// The two commands in Q2.29, and the three speeds.
+    [u32; 5],
+);
 
 impl SpeedCurve {
     /// Between two commands, from the speeds at the first, in the middle, and at the second. [`Self::is_rising`] and the ranges are for a
     /// caller to ask.
     #[must_use]
-    pub const fn new(from: Command, to: Command, erpm: [u32; 3]) -> Self {
-        Self { from: from.to_bits(), to: to.to_bits(), erpm }
+    pub const fn new(from: Command, to: Command, [low, middle, high]: [u32; 3]) -> Self {
+        Self([from.to_bits().cast_unsigned(), to.to_bits().cast_unsigned(), low, middle, high])
     }
 
     /// The commands between which it is known, in Q2.29.
     #[must_use]
     pub const fn range(&self) -> [i32; 2] {
-        [self.from, self.to]
+        let [from, to, ..] = self.0;
+        [from.cast_signed(), to.cast_signed()]
     }
 
     /// The speeds at the lower command, in the middle, and at the higher one.
     #[must_use]
     pub const fn erpm(&self) -> [u32; 3] {
-        self.erpm
+        let [_, _, erpm @ ..] = self.0;
+        erpm
     }
 
     /// Whether more command is nowhere less speed: the slopes at both ends are not negative, and between them lie all others.
     #[must_use]
     pub fn is_rising(&self) -> bool {
-        let [low, middle, high] = self.erpm.map(i64::from);
+        let [low, middle, high] = self.erpm().map(i64::from);
         4 * middle >= 3 * low + high && 3 * high + low >= 4 * middle && high > low
     }
 }

@@ -546,6 +546,8 @@ fn within<T: Into<f64>>(place: SettingId, value: T, (min, max): (T, T)) -> Resul
 }
 
 /// Command bits within their range, reported as commands.
+// Rarely called, from many places: in line it would take several times the flash.
+#[inline(never)]
 fn level(place: SettingId, bits: i32, (min, max): (i32, i32)) -> Result<(), SettingsError> {
     within(place, as_command(bits), (as_command(min), as_command(max)))
 }
