@@ -97,13 +97,16 @@ fn an_esc_that_says_it_is_too_slow_gets_more_as_the_library_has_it_until_it_is_s
     let found = changes(&sent);
     let last = found.last().unwrap();
     println!("{} values, from {:?} to {last:?} of {COMPARED} frames", found.len(), found[0]);
-    // The ESC falls silent behind the last change or a little later: in this frame since the first with throttle.
-    let expected = changes(&library(last.1));
-    let silent_for = COMPARED - last.1;
-    assert!(found.len() > 5 && silent_for > 60, "{found:?}");
-    // The first frames with throttle and the first update of the motor are a few ticks apart.
-    for (found, expected) in found.iter().zip(&expected) {
-        assert!(found.0 == expected.0 && found.1.abs_diff(expected.1) <= 3, "{found:?} {expected:?}");
-    }
-    assert!(expected.len().abs_diff(found.len()) <= 1, "{found:?} {expected:?}");
+    // When the motor was turned on is not known to a frame, nor which of its updates came first: the library's run agrees to three frames, with
+    // an ESC that falls silent where this one did.
+    let is_alike = |expected: &[(u16, usize)]| {
+        let are_near = |(found, expected): (&(u16, usize), &(u16, usize))| {
+            found.0 == expected.0 && found.1.abs_diff(expected.1) <= 3
+        };
+        found.len() == expected.len() && found.iter().zip(expected).all(are_near)
+    };
+    let silent_from = (COMPARED / 2..COMPARED).find(|&answered| is_alike(&changes(&library(answered))));
+    println!("as the library's run with an ESC that is silent from frame {silent_from:?} on");
+    assert!(silent_from.is_some_and(|from| from + 60 < COMPARED), "{found:?} {:?}", changes(&library(last.1)));
+    assert!(found.len() > 10 && last.1 + 60 < COMPARED, "held from then on: {found:?}");
 }
