@@ -124,7 +124,7 @@ impl SpeedCorrection {
             patience: PATIENCE_S * loop_rate_hz / TICKS_PER_UPDATE,
             from,
             span: to - from,
-            speed: (low * TURNS_PER_US >> (TURNS_BITS - SPEED_BITS)) as i32,
+            speed: ((low * TURNS_PER_US) >> (TURNS_BITS - SPEED_BITS)) as i32,
             slope: per_half(4 * middle - 3 * low - high) as i32,
             bend: ((per_half(low - 2 * middle + high) << (BEND_BITS + 2 * COMMAND_BITS - 1 - TURNS_BITS)) / half)
                 as i32,

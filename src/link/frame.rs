@@ -15,7 +15,7 @@ pub const VERSION: u8 = 9;
 /// frame of another version, and is not answered itself.
 pub const NOTICE_VERSION: u8 = 0;
 /// Largest envelope: version, tag, body and checksum. The longest messages are settings with the curves of each motor, of some
-/// 850 bytes, and a [`Record`](super::Record) of noise, of some 680.
+/// 800 bytes, and a [`Record`](super::Record) of noise, of some 680.
 pub const PAYLOAD_BYTES: usize = 1024;
 /// Largest frame: the envelope, a byte of COBS for every 254, and the zeros around it.
 pub const FRAME_BYTES: usize = 2 + PAYLOAD_BYTES + PAYLOAD_BYTES / 254 + 1;

@@ -48,7 +48,7 @@ use crate::checksum::CHECKSUM;
 
 /// Where sets begin: at a multiple of so many bytes.
 pub const PAGE_BYTES: usize = 512;
-/// Longest set, two pages: with the curves of the four motors some 850 bytes.
+/// Longest set, two pages: with the curves of the four motors some 800 bytes.
 const SET_BYTES: usize = 2 * PAGE_BYTES;
 
 /// `RLST`, little-endian.

@@ -291,7 +291,7 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
 
     let body = postcard::to_stdvec(&*settings).unwrap();
     let set = stored(LAYOUT, 1, &body);
-    assert_eq!((body.len(), set.len()), (810, 826));
+    assert_eq!((body.len(), set.len()), (798, 814));
     assert!(set.len() <= 2 * PAGE);
     let mut stored = store(Nor::blank());
     stored.save(&settings).unwrap();
