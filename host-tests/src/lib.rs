@@ -18,11 +18,13 @@ use proptest::sample::select;
 use proptest::test_runner::RngSeed;
 use rotorlead::compensator::{CommandRange, Filter};
 use rotorlead::controller;
-use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel, RotorCurve};
+use rotorlead::design::{
+    CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel, RotorCurve, SpeedCurve,
+};
 use rotorlead::inverse::OUTPUT_BITS;
 use rotorlead::settings::{
-    CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_IDLE, HIGHEST_STOP, Inverse, Lead, MotorSettings,
-    NoSignal, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
+    CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_IDLE, HIGHEST_STOP, Inverse, Lead, MOTORS,
+    MotorSettings, NoSignal, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::{Command, FRACTION_BITS};
 pub use rotorlead_records::shared_data::{data, real_log};
@@ -363,6 +365,11 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 let omega_f_rad_s = pole * f64::from(loop_rate_hz);
                 Lead { omega_z_rad_s: omega_f_rad_s / ratio, omega_f_rad_s, damping }
             });
+            let known = SpeedCurve::new(
+                Command::saturating_from_f64(from),
+                Command::saturating_from_f64(from + 0.25),
+                [20_000, 30_001, 39_000],
+            );
             let settings = Settings {
                 loop_rate_hz,
                 compensator,
@@ -378,6 +385,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 motors,
                 excitation,
                 recorder_divisor,
+                speeds: [is_inverse.then_some(known); MOTORS],
             };
             let settings = settings.validate().ok()?;
             controller::filters(&settings).ok().map(|_| settings)

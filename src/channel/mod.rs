@@ -64,7 +64,7 @@ pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
 pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, LONGEST_RAMP_TICKS, NoSignal};
 
 use crate::capture::InputReading;
-use crate::compensator::{Compensator, Filter};
+use crate::compensator::{Compensator, Filter, SpeedCorrection};
 use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
 
@@ -497,6 +497,26 @@ impl Channel {
     /// Switches the filter in (`true`) or out of the path from the next tick on, without a jump. The limits stay.
     pub const fn set_enabled(&mut self, enabled: bool) {
         self.compensator.set_enabled(enabled);
+    }
+
+    /// Has an inverse go by the speed that the ESC says ([`Compensator::set_correction`]).
+    pub const fn set_correction(&mut self, correction: SpeedCorrection) {
+        self.compensator.set_correction(correction);
+    }
+
+    /// What the ESC says of the speed, where a pulse input has the motor ([`Compensator::correct`]). During an excitation nothing is
+    /// corrected: what is identified is the path as it is.
+    #[inline]
+    pub fn correct(&mut self, turn_us: i32) {
+        if matches!(self.mode, Mode::JustArmed { .. } | Mode::Armed | Mode::Holding { .. }) {
+            self.compensator.correct(turn_us);
+        }
+    }
+
+    /// What the speed has made of the gain of an inverse; 1 where nothing corrects it.
+    #[must_use]
+    pub fn gain(&self) -> f64 {
+        self.compensator.gain()
     }
 
     /// Whether the filter is in the path.

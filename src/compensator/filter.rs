@@ -1,5 +1,6 @@
 //! What shapes a command: the section of a lead compensator, or a conditioned inverse.
 
+use super::SpeedCorrection;
 use crate::biquad::{self, LimitedCoefficients, LimitedSection, Section};
 use crate::inverse::{self, ConditionedInverse, Limits, SlewLimit};
 use crate::multiply::signed;
@@ -123,6 +124,7 @@ pub(super) struct RunningInverse {
     coefficients: inverse::Coefficients,
     inverse: ConditionedInverse,
     range: CommandRange,
+    pub correction: SpeedCorrection,
 }
 
 impl RunningInverse {
@@ -132,10 +134,16 @@ impl RunningInverse {
         self.range.contains(command)
     }
 
+    /// What a reply has said of the speed, after a tick.
+    #[inline]
+    pub fn correct(&mut self, turn_us: i32) {
+        self.correction.update(self.inverse.rotor_state(), turn_us);
+    }
+
     /// One control tick.
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
-        self.inverse.update(&self.coefficients, input)
+        self.inverse.update(&self.coefficients, self.correction.corrected(input))
     }
 }
 
@@ -155,18 +163,27 @@ impl RunningFilter {
             }
             Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
                 let inverse = ConditionedInverse::at_rest(Limits::new(min, max, slew), min);
-                Self::Inverse(RunningInverse { coefficients, inverse, range })
+                Self::Inverse(RunningInverse { coefficients, inverse, range, correction: SpeedCorrection::NONE })
             }
         }
     }
 
-    /// Puts it at rest at `level`.
+    /// Puts it at rest at `level`, and forgets what speeds have said.
     #[inline]
     pub const fn reset(&mut self, level: Command) {
+        if let Self::Inverse(inverse) = self {
+            inverse.correction.reset();
+        }
+        self.rest(level);
+    }
+
+    /// Puts it at rest at `level`.
+    #[inline]
+    pub const fn rest(&mut self, level: Command) {
         match self {
             Self::Lead(lead) => lead.section = Section::at_level(level),
             Self::LimitedLead(lead) => lead.section.rest(level, level),
-            Self::Inverse(inverse) => inverse.inverse.reset(level),
+            Self::Inverse(inverse) => inverse.inverse.reset(inverse.correction.corrected(level)),
         }
     }
 

@@ -1,8 +1,10 @@
 //! The compensator of one motor: its filter, the limits of its output, and bumpless switching.
 
 mod filter;
+mod speed;
 
 pub use filter::{CommandRange, Filter, InverseFilter, LeadFilter};
+pub use speed::{OMEGA_I_RAD_S, SpeedCorrection, TICKS_PER_UPDATE};
 
 use core::mem::offset_of;
 
@@ -177,7 +179,7 @@ impl Compensator {
     /// switch, and the offset that remains decays. For an input that returns after an outage: the change of the input
     /// during the outage is not answered as a step.
     pub const fn restart(&mut self, level: Command) {
-        self.filter.reset(level);
+        self.filter.rest(level);
         self.state = State::Restart { path: self.state.path() };
     }
 
@@ -186,6 +188,28 @@ impl Compensator {
     pub const fn set_enabled(&mut self, enabled: bool) {
         self.is_enabled = enabled;
         self.state = self.state.switched(Path::new(enabled));
+    }
+
+    /// Has an inverse go by the speed that the ESC says, which [`Self::correct`] gives it. Without effect on a lead.
+    pub const fn set_correction(&mut self, correction: SpeedCorrection) {
+        if let RunningFilter::Inverse(inverse) = &mut self.filter {
+            inverse.correction = correction;
+        }
+    }
+
+    /// Once in [`TICKS_PER_UPDATE`] ticks, after a tick: the last electrical turn of the rotor took so many microseconds; negative where
+    /// no reply has said it of late. Without effect where an inverse is not in the path, or still on its way there.
+    #[inline]
+    pub fn correct(&mut self, turn_us: i32) {
+        if let (RunningFilter::Inverse(inverse), State::Filter) = (&mut self.filter, self.state) {
+            inverse.correct(turn_us);
+        }
+    }
+
+    /// What the speed has made of the gain of an inverse; 1 where nothing corrects it.
+    #[must_use]
+    pub fn gain(&self) -> f64 {
+        if let RunningFilter::Inverse(inverse) = &self.filter { inverse.correction.gain() } else { 1.0 }
     }
 
     /// Whether the next tick has the filter in its path, if it covers the command.

@@ -134,6 +134,9 @@ impl<H: ControlHardware> Control<H> {
             adc: parts.thrust.read(),
             turn_us: replies.map_or(NO_TURN, |replies| replies.turn_us(motor)),
         });
+        if let Some(replies) = replies {
+            tick.correct(|motor| replies.turn_us(motor));
+        }
         #[cfg(feature = "planted-panic")]
         planted_panic(commands);
         match outputs {

@@ -48,7 +48,7 @@ pub fn filters(settings: &Validated) -> Result<[Filter; MOTORS], FilterError> {
                 .map_err(FilterError::Lead)?;
             Ok([design.filter().into(); MOTORS])
         }
-        CompensatorKind::Inverse => {
+        CompensatorKind::Inverse | CompensatorKind::Rpm => {
             let [a, b, c, d] = &settings.motors;
             Ok([inverse(settings, 0, a)?, inverse(settings, 1, b)?, inverse(settings, 2, c)?, inverse(settings, 3, d)?])
         }

@@ -51,8 +51,8 @@ pub use supervision::Supervisor;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, Outputs, RECORD_QUEUE, Tick};
 
 use crate::channel::{Channel, ChannelSettings, ExcitationLimits, LONGEST_RAMP_TICKS};
-use crate::compensator::Filter;
-use crate::settings::{DEAD_MAN_MS, MOTORS, Validated};
+use crate::compensator::{Filter, SpeedCorrection};
+use crate::settings::{CompensatorKind, DEAD_MAN_MS, MOTORS, Validated};
 use crate::throttle::Command;
 
 /// Control ticks in so many milliseconds.
@@ -98,6 +98,9 @@ pub fn channels(settings: &Validated, filters: [Filter; MOTORS]) -> Option<[Chan
     let channel = |motor, filter| {
         let mut channel = Channel::new(&channel_settings(settings, motor), filter).ok()?;
         channel.set_enabled(settings.motors.get(motor)?.compensate);
+        if let (CompensatorKind::Rpm, Some(speeds)) = (settings.compensator, settings.speeds.get(motor)?) {
+            channel.set_correction(SpeedCorrection::new(speeds, settings.loop_rate_hz));
+        }
         Some(channel)
     };
     let [a, b, c, d] = filters;

@@ -34,7 +34,7 @@ const SOURCES: u32 = match u32::from_str_radix(env!("ROTORLEAD_SOURCES"), 10) {
     Err(_) => panic!("the build script gives a number"),
 };
 
-/// Longest settings, bytes: with a curve for each motor some 750.
+/// Longest settings, bytes: with the curves of each motor some 800.
 const SETTINGS_BYTES: usize = 1024;
 /// An inverse: `A`, `B`, the gains, the slew, and the range. A lead has four words.
 const FILTER_WORDS: usize = 2 + TABLE_POINTS + 3;

@@ -6,6 +6,7 @@ use super::pacing::InputPulse;
 use super::resume::HeldMotor;
 use crate::capture::InputReading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
+use crate::compensator::TICKS_PER_UPDATE;
 use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, Path, REST_MS, RecordClock, Sample,
     Sensed, Source,
@@ -390,6 +391,19 @@ impl Tick {
         }
         self.record(sensed);
         self.motors.each_ref().map(|motor| motor.output)
+    }
+
+    /// What the ESCs say of their speed, after a tick: of one motor in turn, whose flight controller has it. [`Self::run`] is apart, for
+    /// most protocols have no replies.
+    #[inline]
+    pub fn correct(&mut self, turn_us: impl FnOnce(usize) -> i32) {
+        // As many motors as ticks from one update to the next.
+        const { assert!(MOTORS as u32 == TICKS_PER_UPDATE) };
+        let index = (self.ticks % TICKS_PER_UPDATE) as usize;
+        let Some(motor) = self.motors.get_mut(index) else { return };
+        if motor.source == CommandSource::Pulse {
+            motor.channel.correct(turn_us(index));
+        }
     }
 
     /// The outputs of the motors that the host drives, and no pulse for all others.

@@ -10,6 +10,7 @@ mod inverse;
 mod lead;
 mod recurrence;
 mod slew;
+mod speed;
 mod tustin;
 
 pub use check::DesignCheck;
@@ -19,6 +20,7 @@ pub use inverse::{
 };
 pub use lead::LeadParameters;
 pub use slew::{DEFAULT_SLEW_PER_S, SLEW_RANGE_PER_S, slew_limit};
+pub use speed::{ERPM_RANGE, SHORTEST_SPEED_RANGE, SpeedCurve};
 pub use tustin::LeadDesign;
 
 use core::f64::consts::FRAC_1_SQRT_2;

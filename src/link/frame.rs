@@ -10,12 +10,12 @@ use serde::de::DeserializeOwned;
 use crate::checksum::CHECKSUM;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 8;
+pub const VERSION: u8 = 9;
 /// First byte of a notice, which is the same in all versions from 8 on: its body is the version that its sender speaks. It answers a
 /// frame of another version, and is not answered itself.
 pub const NOTICE_VERSION: u8 = 0;
-/// Largest envelope: version, tag, body and checksum. The longest messages are settings with a curve for each motor, of some
-/// 750 bytes, and a [`Record`](super::Record) of noise, of some 680.
+/// Largest envelope: version, tag, body and checksum. The longest messages are settings with the curves of each motor, of some
+/// 800 bytes, and a [`Record`](super::Record) of noise, of some 680.
 pub const PAYLOAD_BYTES: usize = 1024;
 /// Largest frame: the envelope, a byte of COBS for every 254, and the zeros around it.
 pub const FRAME_BYTES: usize = 2 + PAYLOAD_BYTES + PAYLOAD_BYTES / 254 + 1;

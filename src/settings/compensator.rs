@@ -13,6 +13,9 @@ pub enum CompensatorKind {
     /// The conditioned inverse of [`Settings::inverse`](super::Settings::inverse) and each motor's
     /// [`curve`](super::MotorSettings::curve).
     Inverse,
+    /// The inverse, which goes by the speed that the ESCs say: its gain is corrected to what
+    /// [`Settings::speeds`](super::Settings::speeds) has for each motor's commands.
+    Rpm,
 }
 
 /// The continuous lead compensator. See [`LeadParameters`].

@@ -58,6 +58,8 @@ pub enum Key {
     HoldMs,
     /// [`MotorSettings::curve`](super::MotorSettings::curve)
     TimeConstantS,
+    /// [`Settings::speeds`](super::Settings::speeds)
+    Erpm,
     /// [`ExcitationLimits::max_duration_s`](super::ExcitationLimits::max_duration_s)
     ExcitationMaxDurationS,
     /// [`ExcitationLimits::max_command`](super::ExcitationLimits::max_command)
@@ -74,7 +76,7 @@ pub enum Key {
 
 impl Key {
     /// Every key, in the order of the settings.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 32] = [
         Self::LoopRateHz,
         Self::Compensator,
         Self::OmegaZRadS,
@@ -100,6 +102,7 @@ impl Key {
         Self::Max,
         Self::HoldMs,
         Self::TimeConstantS,
+        Self::Erpm,
         Self::ExcitationMaxDurationS,
         Self::ExcitationMaxCommand,
         Self::ExcitationMaxAmplitude,
@@ -137,6 +140,7 @@ impl Key {
             Self::Max => "max",
             Self::HoldMs => "hold_ms",
             Self::TimeConstantS => "time_constant_s",
+            Self::Erpm => "erpm",
             Self::ExcitationMaxDurationS => "excitation.max_duration_s",
             Self::ExcitationMaxCommand => "excitation.max_command",
             Self::ExcitationMaxAmplitude => "excitation.max_amplitude",
@@ -158,6 +162,7 @@ impl Key {
                 | Self::Max
                 | Self::HoldMs
                 | Self::TimeConstantS
+                | Self::Erpm
         )
     }
 }

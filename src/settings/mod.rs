@@ -19,7 +19,7 @@ use libm::sqrt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve};
+use crate::design::{DEFAULT_DAMPING, DEFAULT_SLEW_PER_S, RotorCurve, SpeedCurve};
 use crate::throttle::Command;
 
 pub use crate::channel::NoSignal;
@@ -54,7 +54,7 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | key | range | default |
 /// |---|---|---|
 /// | `loop_rate_hz` | 1000..=10000 | 5000 |
-/// | `compensator` | lead, inverse | lead |
+/// | `compensator` | lead, inverse, rpm | lead |
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.natural_rad_s` | above 0 | the paper's, 94.2 |
@@ -73,7 +73,8 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | `motor.N.idle` | `arming` or above, up to 0.2, or none | none: 0.05, or `arming` where that is above; DShot: `arming` |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
 /// | `motor.N.hold_ms` | 0..=1000 | 100 |
-/// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse | none |
+/// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse or rpm | none |
+/// | `motor.N.erpm` | 1000..=1e6, rising over a twentieth of the range or more, or none; needed where `compensator` is rpm and `motor.N.compensate` true | none |
 /// | `excitation.max_duration_s` | 1..=600 | 120 |
 /// | `excitation.max_command` | 0..=1 | 0.75 |
 /// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
@@ -111,6 +112,9 @@ pub struct Settings {
     pub excitation: ExcitationLimits,
     /// The recorder takes one tick in so many, unless a request says otherwise.
     pub recorder_divisor: u16,
+    /// Each motor's electrical speed over the command; `None` where it is not known. Last, so that what an older layout has is a set without
+    /// them.
+    pub speeds: [Option<SpeedCurve>; MOTORS],
 }
 
 /// One motor's own parameters.
@@ -181,6 +185,7 @@ impl Default for Settings {
                 ramp_ms: 2000,
             },
             recorder_divisor: 1,
+            speeds: [None; MOTORS],
         }
     }
 }

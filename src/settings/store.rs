@@ -43,18 +43,20 @@ use serde::{Deserialize, Serialize};
 use super::layout_1::{self, Settings1};
 use super::layout_2::{self, Settings2};
 use super::layout_3::{self, Settings3};
-use super::{Settings, Validated};
+use super::{MOTORS, Settings, Validated};
 use crate::checksum::CHECKSUM;
 
 /// Where sets begin: at a multiple of so many bytes.
 pub const PAGE_BYTES: usize = 512;
-/// Longest set, two pages: with a curve for each of the four motors some 750 bytes.
+/// Longest set, two pages: with the curves of the four motors some 800 bytes.
 const SET_BYTES: usize = 2 * PAGE_BYTES;
 
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
 /// Number of the settings' layout.
-const LAYOUT: u16 = 4;
+const LAYOUT: u16 = 5;
+/// The one before, which ends before the motors' speeds.
+const LAYOUT_WITHOUT_SPEEDS: u16 = 4;
 const HEADER_BYTES: usize = 12;
 const CHECKSUM_BYTES: usize = 4;
 /// An erased byte.
@@ -297,11 +299,20 @@ fn decode(set: &[u8]) -> Option<Copy> {
         layout_1::LAYOUT => whole::<Settings1>(body)?.migrate(),
         layout_2::LAYOUT => whole::<Settings2>(body)?.migrate(),
         layout_3::LAYOUT => whole::<Settings3>(body)?.migrate(),
+        LAYOUT_WITHOUT_SPEEDS => without_speeds(body)?,
         LAYOUT => whole::<Settings>(body)?,
         _ => return None,
     };
     let settings = settings.validate().ok()?;
     Some(Copy::Whole { sequence: u32::from_le_bytes(*sequence), layout, settings })
+}
+
+/// Settings of [`LAYOUT_WITHOUT_SPEEDS`]: with a zero for each motor, which is no speeds, they are of today's.
+fn without_speeds(body: &[u8]) -> Option<Settings> {
+    let mut today = [0; SET_BYTES];
+    let today = today.get_mut(..body.len() + MOTORS)?;
+    today[..body.len()].copy_from_slice(body);
+    whole(today)
 }
 
 /// A value that takes all of the bytes.

@@ -8,7 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{CompensatorKind, Key, Levels, MotorSettings, Pulse, PulseProtocol, SettingId, Settings};
 use crate::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
-use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
+use crate::design::{
+    DAMPING_RANGE, ERPM_RANGE, LeadParameters, SHORTEST_SPEED_RANGE, SLEW_RANGE_PER_S, SpeedCurve,
+    TIME_CONSTANT_RANGE_S,
+};
 use crate::dshot::WINDOW_LEVELS;
 use crate::throttle::Command;
 
@@ -94,6 +97,12 @@ pub enum Problem {
     },
     /// The flight controller waits for replies, and the outputs' protocol has none.
     NoReplies,
+    /// A correction by the speed has no speeds of this motor.
+    NoSpeed,
+    /// The speed does not rise with the command everywhere.
+    SpeedFalls,
+    /// A correction by the speed needs the replies of the ESCs, and the outputs' protocol has none.
+    NeedsReplies,
 }
 
 impl fmt::Display for SettingsError {
@@ -127,6 +136,18 @@ impl fmt::Display for SettingsError {
                 f,
                 "{place} is bidirectional, so the flight controller waits for the ESCs' replies: output.protocol must be \
                  bidirectional, too"
+            ),
+            Problem::NoSpeed => write!(
+                f,
+                "{place} is none: with compensator rpm it must be given, from the motor's speeds at its commands"
+            ),
+            Problem::SpeedFalls => {
+                write!(f, "{place} must rise with the command everywhere: give more points, or ones with less noise")
+            }
+            Problem::NeedsReplies => write!(
+                f,
+                "{place} is not bidirectional, and compensator rpm goes by the ESCs' replies: set it to dshot300_bidirectional or \
+                 dshot600_bidirectional, or compensator to inverse"
             ),
             Problem::NoEdges { min, max } => write!(
                 f,
@@ -289,6 +310,7 @@ impl Settings {
             let problem = Problem::FramesOutrunTicks { min_loop_rate_hz: least_hz };
             return Err(SettingsError { place: whole(Key::InputFrameHz), problem });
         }
+        self.check_speeds()?;
         if self.input.protocol.is_bidirectional() && !self.output.protocol.is_bidirectional() {
             return Err(SettingsError { place: whole(Key::InputProtocol), problem: Problem::NoReplies });
         }
@@ -325,8 +347,28 @@ impl Settings {
                         within(place, f64::from(tau_s), TIME_CONSTANT_RANGE_S)?;
                     }
                 }
-                None if self.compensator == CompensatorKind::Inverse => {
+                None if self.compensator != CompensatorKind::Lead => {
                     return Err(SettingsError { place, problem: Problem::NoCurve });
+                }
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Speeds over the command, and where they are used those of every motor that goes by them, and replies.
+    fn check_speeds(&self) -> Result<(), SettingsError> {
+        let is_used = self.compensator == CompensatorKind::Rpm;
+        if is_used && !self.output.protocol.is_bidirectional() {
+            let place = SettingId { key: Key::OutputProtocol, motor: None };
+            return Err(SettingsError { place, problem: Problem::NeedsReplies });
+        }
+        for ((index, motor), speeds) in (0..).zip(&self.motors).zip(&self.speeds) {
+            let place = SettingId { key: Key::Erpm, motor: Some(index) };
+            match speeds {
+                Some(curve) => check_speed(place, curve)?,
+                None if is_used && motor.compensate => {
+                    return Err(SettingsError { place, problem: Problem::NoSpeed });
                 }
                 None => {}
             }
@@ -483,6 +525,17 @@ fn pulse(place: SettingId, pulse: Pulse) -> Result<(), SettingsError> {
     Ok(())
 }
 
+/// Speeds within their range that rise over enough of the commands.
+fn check_speed(place: SettingId, curve: &SpeedCurve) -> Result<(), SettingsError> {
+    let ([from, to], shortest) = (curve.range(), SHORTEST_SPEED_RANGE.to_bits());
+    level(place, from, (0, ONE - shortest))?;
+    level(place, to, (from + shortest, ONE))?;
+    for erpm in curve.erpm() {
+        within(place, erpm, ERPM_RANGE)?;
+    }
+    if curve.is_rising() { Ok(()) } else { Err(SettingsError { place, problem: Problem::SpeedFalls }) }
+}
+
 /// A number within its range. NaN is not.
 fn within<T: Into<f64>>(place: SettingId, value: T, (min, max): (T, T)) -> Result<(), SettingsError> {
     let (value, min, max) = (value.into(), min.into(), max.into());
@@ -493,6 +546,8 @@ fn within<T: Into<f64>>(place: SettingId, value: T, (min, max): (T, T)) -> Resul
 }
 
 /// Command bits within their range, reported as commands.
+// Rarely called, from many places: in line it would take several times the flash.
+#[inline(never)]
 fn level(place: SettingId, bits: i32, (min, max): (i32, i32)) -> Result<(), SettingsError> {
     within(place, as_command(bits), (as_command(min), as_command(max)))
 }

@@ -1,11 +1,12 @@
 //! Any bytes on the line, and in the settings' flash.
 
-use rotorlead::design::RotorCurve;
+use rotorlead::design::{RotorCurve, SpeedCurve};
 use rotorlead::link::{
     CHECKSUM, ExciteRequest, FRAME_BYTES, Faults, InjectRequest, Injected, LineSet, Message, PAYLOAD_BYTES, Receiver,
     Record, RecordRequest, Request, Series, Source, VERSION, encode,
 };
-use rotorlead::settings::{CompensatorKind, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
+use rotorlead::settings::{CompensatorKind, MOTORS, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
+use rotorlead::throttle::Command;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -70,7 +71,7 @@ pub fn fuzz_settings(bytes: &[u8]) {
     load_and_save(content);
 
     let body = &bytes[..bytes.len().min(SECTOR / 2 - 16)];
-    for layout in [1, 2, LAYOUT] {
+    for layout in [1, 2, 3, 4, LAYOUT] {
         let mut content = vec![0xff; 2 * SECTOR];
         let set = stored(layout, 1, body);
         content[..set.len()].copy_from_slice(&set);
@@ -92,7 +93,7 @@ fn load_and_save(content: Vec<u8>) {
 }
 
 /// Today's layout of stored settings.
-pub const LAYOUT: u16 = 4;
+pub const LAYOUT: u16 = 5;
 
 /// A stored set around any body, as the documentation of `rotorlead::settings` has it.
 #[must_use]
@@ -160,11 +161,14 @@ pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// An inverse with the paper's curve for each motor: the longest settings.
+/// An inverse with the paper's curve and speeds for each motor: the longest settings.
 fn with_curves() -> Settings {
     let mut settings = Settings { compensator: CompensatorKind::Inverse, ..Settings::default() };
     let curve = RotorCurve::through(&crate::paper_curve()).ok();
+    let [from, to] = [0.4, 0.65].map(Command::saturating_from_f64);
+    let speeds = Some(SpeedCurve::new(from, to, [52_000, 65_000, 77_000]));
     settings.motors.iter_mut().for_each(|motor| motor.curve = curve);
+    settings.speeds = [speeds; MOTORS];
     settings
 }
 

@@ -36,13 +36,13 @@ fn receive<T: DeserializeOwned>(receiver: &mut Receiver<T>, bytes: &[u8]) -> Vec
 /// The default settings: loop rate; lead or inverse; the lead's zero, poles and damping as `f64`; the inverse's natural
 /// frequency, damping and slew as `f64`, and its range; input and output; stop, what there is without a signal, stop pulses;
 /// four motors of compensate, disarming, arming, idle, max, hold, curve; the excitation's duration, command, amplitude, time
-/// to arm and ramp; the divisor.
+/// to arm and ramp; the divisor; the motors' speeds.
 macro_rules! DEFAULTS {
     () => {
         "8827 00 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f \
          15144196cb8d5740 cd3b7f669ea0e63f 00 8080808004 01ea03 01ef03 0000000000003440 00 00 d00f 01 \
          00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 \
-         78 8080808003 e6cc9933 b817 d00f 01"
+         78 8080808003 e6cc9933 b817 d00f 01 00000000"
     };
 }
 
@@ -140,6 +140,9 @@ fn messages() -> Vec<(Message, &'static str)> {
         (error(place, out_of_range), "0104 0400 00 0000000000000840 000000000000d03f 0000000000000040"),
         (error(place, Problem::ZeroNotBelowPoles), "0104040001"),
         (error(SettingId { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010418010302"),
+        (error(SettingId { key: Key::Erpm, motor: Some(3) }, Problem::NoSpeed), "010419010308"),
+        (error(SettingId { key: Key::Erpm, motor: Some(3) }, Problem::SpeedFalls), "010419010309"),
+        (error(SettingId { key: Key::OutputProtocol, motor: None }, Problem::NeedsReplies), "01040b000a"),
         (error(SettingId { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
         (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104040004d00fef03"),
         (error(SettingId { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "0104090007"),
@@ -231,7 +234,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000808090a48ee61bd00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000809090a367c201800");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -20,6 +20,7 @@ mod resume;
 mod safety;
 mod settings;
 mod slew;
+mod speed_correction;
 mod spikes;
 mod tune;
 mod whole;

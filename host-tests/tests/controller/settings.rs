@@ -6,7 +6,7 @@ use host_tests::{OMEGA_G_RAD_S, cases, paper_curve, paper_design};
 use proptest::prelude::*;
 use rotorlead::compensator::{CommandRange, Filter, InverseFilter};
 use rotorlead::controller::{FilterError, filters};
-use rotorlead::design::{CurvePoint, DesignError, InverseDesign, InverseError, LeadDesign, RotorCurve};
+use rotorlead::design::{CurvePoint, DesignError, InverseDesign, InverseError, LeadDesign, RotorCurve, SpeedCurve};
 use rotorlead::dshot::Value;
 use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
@@ -285,11 +285,13 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
         ramp_ms: 10_000,
     };
     settings.recorder_divisor = 5000;
+    let [from, to] = [0.9, 1.0].map(Command::saturating_from_f64);
+    settings.speeds = [Some(SpeedCurve::new(from, to, [52_000, 65_000, 77_000])); MOTORS];
     let settings = settings.validate().unwrap();
 
     let body = postcard::to_stdvec(&*settings).unwrap();
     let set = stored(LAYOUT, 1, &body);
-    assert_eq!((body.len(), set.len()), (718, 734));
+    assert_eq!((body.len(), set.len()), (798, 814));
     assert!(set.len() <= 2 * PAGE);
     let mut stored = store(Nor::blank());
     stored.save(&settings).unwrap();
@@ -641,6 +643,83 @@ fn settings_of_the_third_layout_are_migrated_and_a_dshot_input_loses_the_levels_
     let place = beyond.windows(4).position(|window| window == [0xb2, 0xe6, 0xcc, 0x19]).unwrap() + 4;
     beyond.splice(place..place + 4, half);
     assert_eq!(load(&beyond).origin, Origin::DefaultsBad);
+}
+
+/// The bytes of the fourth layout: as the third, but for the inverse's slew, which is behind the output, the resumption behind the stop
+/// pulses, and levels that may be none.
+const LAYOUT_4: &str = "8827 01 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f \
+     15144196cb8d5740 cd3b7f669ea0e63f 00 8080808004 01ea03 01ef03 0000000000003440 00 00 d00f 00 \
+     00 00 00 00 8080808004 64 CURVE 01 01a2e1f551 01c2eba361 01c6c2eb63 8080808004 64 CURVE \
+     00 00 00 00 8080808004 64 CURVE 00 00 00 00 8080808004 64 CURVE \
+     78 8080808003 e6cc9933 b817 d00f 07";
+
+#[test]
+fn settings_of_the_fourth_layout_are_migrated_without_speeds() {
+    // Time constants of 1/16 s.
+    let curve = format!("01 {}", "0000803d".repeat(33));
+    let hex: String = LAYOUT_4.replace("CURVE", &curve).split_whitespace().collect();
+    let digits = hex.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).unwrap());
+    let body: Vec<u8> = digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect();
+    let bytes = stored(4, 5, &body);
+    let mut flash = Nor::blank();
+    for start in [0, SECTOR] {
+        flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
+    }
+    let loaded = store(flash).load();
+    assert_eq!(loaded.origin, Origin::Migrated);
+    let mut expected =
+        Settings { compensator: CompensatorKind::Inverse, resume: false, recorder_divisor: 7, ..Settings::default() };
+    let tau_s = RotorCurve::from_time_constants_s([1.0 / 16.0; 33]);
+    expected.motors.iter_mut().for_each(|motor| motor.curve = Some(tau_s));
+    let chosen = &mut expected.motors[1];
+    chosen.compensate = true;
+    (chosen.disarming, chosen.arming, chosen.idle) = (Some(85_899_345), Some(102_005_473), Some(104_689_827));
+    assert_eq!(*loaded.settings, expected);
+    assert_eq!(loaded.settings.speeds, [None; MOTORS]);
+}
+
+/// Speeds are asked for where they are used, with replies to go by.
+#[test]
+fn a_correction_needs_speeds_that_rise_and_replies() {
+    let erpm = |from: f64, to: f64, erpm: [u32; 3]| {
+        let [from, to] = [from, to].map(Command::saturating_from_f64);
+        Some(SpeedCurve::new(from, to, erpm))
+    };
+    let good = erpm(0.3, 0.5, [52_000, 65_000, 77_000]);
+    let rpm = |change: &dyn Fn(&mut Settings)| {
+        let output = Pulse { protocol: PulseProtocol::Dshot300Bidirectional, frame_hz: 1000 };
+        let mut settings = Settings { compensator: CompensatorKind::Rpm, output, ..Settings::default() };
+        for motor in &mut settings.motors {
+            motor.curve = Some(RotorCurve::from_time_constants_s([0.05; 33]));
+        }
+        settings.motors[2].compensate = true;
+        settings.speeds[2] = good;
+        change(&mut settings);
+        settings.validate().map(drop).map_err(|error| (error.place.to_string(), error.problem, error.to_string()))
+    };
+    assert_eq!(rpm(&|_| {}), Ok(()));
+    let refused = |change: &dyn Fn(&mut Settings), place: &str, problem: Problem| {
+        let (found, why, sentence) = rpm(change).unwrap_err();
+        assert_eq!((&*found, why), (place, problem), "{sentence}");
+        assert!(sentence.contains(place), "{sentence}");
+    };
+    refused(&|settings| settings.speeds[2] = None, "motor.2.erpm", Problem::NoSpeed);
+    refused(&|settings| settings.motors[3].curve = None, "motor.3.time_constant_s", Problem::NoCurve);
+    refused(&|settings| settings.output.protocol = PulseProtocol::Dshot300, "output.protocol", Problem::NeedsReplies);
+    for speeds in [[52_000, 52_000, 52_000], [52_000, 80_000, 77_000], [52_000, 50_000, 77_000]] {
+        let falls = |settings: &mut Settings| settings.speeds[1] = erpm(0.3, 0.5, speeds);
+        refused(&falls, "motor.1.erpm", Problem::SpeedFalls);
+    }
+    for (from, to, speeds) in [
+        (0.3, 0.34, [52_000, 65_000, 77_000]),
+        (0.5, 0.3, [52_000, 65_000, 77_000]),
+        (0.3, 0.5, [999, 65_000, 77_000]),
+        (0.3, 0.5, [52_000, 65_000, 1_000_001]),
+        (0.3, 0.5, [52_000, u32::MAX, 77_000]),
+    ] {
+        let (place, problem, _) = rpm(&|settings| settings.speeds[1] = erpm(from, to, speeds)).unwrap_err();
+        assert!(place == "motor.1.erpm" && matches!(problem, Problem::OutOfRange { .. }), "{place} {problem:?}");
+    }
 }
 
 #[test]

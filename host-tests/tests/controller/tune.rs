@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use clap::Parser as _;
-use host_tests::rotor::Rotor;
+use host_tests::rotor::{POLES, Rotor};
 use host_tests::stand_in::{Pace, Stand, StandIn, Trouble};
 use rotorlead::capture::Signal;
 use rotorlead::dshot::Reply;
@@ -142,6 +142,40 @@ fn a_thrust_sensor_takes_the_place_of_the_replies() {
     }
     let all = vehicle.settings();
     assert_eq!((&all["compensator"], &all["motor.0.compensate"]), (&"lead".into(), &"true".into()));
+}
+
+#[test]
+fn speeds_that_correct_an_inverse_are_set_with_it_and_without_them_it_stays_blind() {
+    let vehicle = Vehicle::new(Trouble::None, &[Rotor::new(0.050)]);
+    let error = vehicle.refused("--motors 0 --nominal 0.4 --most-rpm 12500 --motor-poles 14 --rpm");
+    assert!(error.contains("two commands or more"), "{error}");
+    vehicle
+        .device(&format!("tune --yes --out @tuned --motors 0 {LEVELS} --motor-poles 14 --kind inverse --rpm"))
+        .unwrap();
+    let all = vehicle.settings();
+    assert_eq!(all["compensator"], "rpm");
+    for motor in 0..4 {
+        let speeds = all[format!("motor.{motor}.erpm")].as_str().unwrap();
+        println!("{speeds}");
+        for (point, command) in speeds.split(',').zip([0.3, 0.4, 0.5]) {
+            let (at, erpm) = point.split_once(':').unwrap();
+            let truth = POLES / 2.0 * Rotor::new(0.05).rpm(command);
+            assert!((at.parse::<f64>().unwrap() - command).abs() < 1e-8);
+            assert!((erpm.parse::<f64>().unwrap() / truth - 1.0).abs() < 0.005, "{point} of {truth}");
+        }
+    }
+    // Written by hand it is what was shown.
+    vehicle.device(&format!("set motor.1.erpm {}", all["motor.0.erpm"].as_str().unwrap())).unwrap();
+    assert_eq!(vehicle.settings(), all);
+    for (change, word) in [
+        ("set output.protocol dshot600", "dshot600_bidirectional"),
+        ("set motor.0.erpm none", "motor.0.erpm is none"),
+        ("set motor.0.erpm 0.3:50000,0.5:40000", "must rise"),
+        ("set motor.0.erpm 0.3:50000", "two points or more"),
+    ] {
+        let error = vehicle.device(change).unwrap_err();
+        assert!(error.contains(word), "{change}: {error}");
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings};
 use crate::link::{self, requests};
 
 /// When the controller runs for sure.
-const STARTED: u64 = 37_500_000;
+pub const STARTED: u64 = 37_500_000;
 const EMULATORS: [Emulator; 2] = [Emulator::Node, Emulator::Native];
 const SPEEDS: [(PulseProtocol, Speed); 2] =
     [(PulseProtocol::Dshot300Bidirectional, Speed::Dshot300), (PulseProtocol::Dshot600Bidirectional, Speed::Dshot600)];
@@ -33,7 +33,7 @@ fn slack(emulator: Emulator) -> f64 {
     }
 }
 
-fn settings(input: PulseProtocol, output: PulseProtocol) -> Settings {
+pub fn settings(input: PulseProtocol, output: PulseProtocol) -> Settings {
     let pulse =
         |protocol: PulseProtocol| Pulse { protocol, frame_hz: if protocol.dshot().is_some() { 2500 } else { 400 } };
     Settings { input: pulse(input), output: pulse(output), ..Settings::default() }
@@ -59,7 +59,7 @@ fn fly(run: &mut Run, speed: Speed, period_us: f64) {
 }
 
 /// An ESC at an output, with a clock that is so much too fast. `levels` gives what it answers to its frames, by their number.
-fn esc(run: &mut Run, motor: u8, speed: Speed, clock: f64, levels: impl Fn(u16) -> Option<u32>) {
+pub fn esc(run: &mut Run, motor: u8, speed: Speed, clock: f64, levels: impl Fn(u16) -> Option<u32>) {
     let answer = |levels: Option<u32>| {
         levels.map_or_else(Vec::new, |levels| reply(speed.bits_per_s(), levels, REPLY_BITS, us(ESC_DELAY_US), clock))
     };
@@ -128,7 +128,7 @@ fn answers(emulator: Emulator, trace: &Trace, pin: u8, speed: Speed, starts: &[u
 
 /// The frames at an output: each 16 bits of which a zero is low for 3/8 and a one for 6/8, high at their end, and behind them the ESC's
 /// reply.
-fn sent(emulator: Emulator, trace: &Trace, pin: u8, speed: Speed) -> Vec<u16> {
+pub fn sent(emulator: Emulator, trace: &Trace, pin: u8, speed: Speed) -> Vec<u16> {
     let bit = 125e6 / f64::from(speed.bits_per_s());
     // A reply of the slowest clock.
     let window = us(ESC_DELAY_US) + (0.8 * bit * f64::from(REPLY_BITS) / 0.94) as u64;

@@ -8,6 +8,7 @@ mod link;
 mod load;
 mod resume;
 mod safety;
+mod speed_correction;
 mod spikes;
 mod stack;
 mod supply;

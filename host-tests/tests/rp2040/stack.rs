@@ -9,7 +9,7 @@ use rotorlead::settings::{MOTORS, Settings};
 const ARMED: u64 = 37_500_000;
 const PERIOD: u64 = 312_500;
 /// Where the control task's vector is: the first of the data (`boards/rp2040/board.x`).
-const TICK_VECTOR: u32 = 0x2000_E000 + 4 * 15;
+const TICK_VECTOR: u32 = 0x2000_DC00 + 4 * 15;
 /// `push {r0-r7, lr}`, and back to it; behind all that the image has in RAM.
 const PUSHES: Write = Write { cycle: 0, address: 0x2004_1F00, value: 0xE7FD_B5FF };
 const THUMB: u32 = 1;
@@ -33,7 +33,7 @@ fn a_stack_that_leaves_its_memory_is_a_fault_with_the_outputs_low_and_harms_no_d
     assert_eq!(fault.pc, PUSHES.address, "{fault:?}");
     let [reset] = trace.resets[..] else { panic!("{:?}", trace.resets) };
     assert!(reset.is_forced);
-    // A tick at most, and 56 KiB of pushes of nine words in twelve cycles.
+    // A tick at most, and 55 KiB of pushes of nine words in twelve cycles.
     assert!((overflows..overflows + ms(0.4)).contains(&reset.cycle), "{} ms", reset.cycle as f64 / 125e3);
     for motor in 0..MOTORS as u8 {
         let before = trace.edges_on(OUTPUT_1 + motor).take_while(|edge| edge.cycle < reset.cycle);

@@ -1,7 +1,9 @@
 //! Several settings changed at once.
 
-use rotorlead::settings::{Key, MOTORS, Problem, SettingId, Settings, SettingsError, Validated};
+use rotorlead::design::SpeedCurve;
+use rotorlead::settings::{Key, MOTORS, MotorSettings, Problem, SettingId, Settings, SettingsError, Validated};
 
+use super::speed_text::SPEEDS;
 use super::text::CURVE;
 use super::{DeviceError, entries, set};
 
@@ -43,11 +45,17 @@ impl Remedy {
             if is_given(place) || others.iter().any(|(other, _)| *other == place) {
                 return Self { others, left: Some(error) };
             }
-            if error.problem == Problem::NoCurve {
-                // Nobody but the user has the time constants: which motors lack them.
-                let lacking = (0..).zip(&settings.motors).filter(|(_, motor)| motor.curve.is_none());
-                let places = lacking.map(|(motor, _)| SettingId { key: Key::TimeConstantS, motor: Some(motor) });
-                others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, CURVE.into())));
+            // Nobody but the user has the time constants and the speeds: which motors lack them.
+            let lacking: Option<(&str, fn(&MotorSettings, &Option<SpeedCurve>) -> bool)> = match error.problem {
+                Problem::NoCurve => Some((CURVE, |motor, _| motor.curve.is_none())),
+                Problem::NoSpeed => Some((SPEEDS, |motor, speeds| motor.compensate && speeds.is_none())),
+                _ => None,
+            };
+            if let Some((form, lacks)) = lacking {
+                let motors = (0..).zip(settings.motors.iter().zip(&settings.speeds));
+                let motors = motors.filter(|(_, (motor, speeds))| lacks(motor, speeds));
+                let places = motors.map(|(motor, _)| SettingId { key: place.key, motor: Some(motor) });
+                others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, form.into())));
                 break;
             }
             let Some(value) = value.filter(|value| set(&mut settings, &place.to_string(), value).is_ok()) else {
@@ -109,6 +117,9 @@ fn nearest(settings: &Settings, error: SettingsError) -> Option<String> {
         }
         Problem::PulseTooLong { max_frame_hz, .. } => Some(max_frame_hz.to_string()),
         Problem::StopWithoutRawDuty => Some("0".into()),
-        Problem::ZeroNotBelowPoles | Problem::NoCurve | Problem::NoReplies => None,
+        Problem::NeedsReplies => Some("dshot600_bidirectional".into()),
+        Problem::ZeroNotBelowPoles | Problem::NoCurve | Problem::NoReplies | Problem::NoSpeed | Problem::SpeedFalls => {
+            None
+        }
     }
 }

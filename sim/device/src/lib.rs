@@ -11,6 +11,7 @@ mod port;
 mod recording;
 mod sensors;
 mod session;
+mod speed_text;
 mod text;
 
 pub use change::change;
@@ -21,4 +22,5 @@ pub use port::{DEFAULT_BAUD, Port, find, open};
 pub use recording::{Recorded, Recording, record, template};
 pub use sensors::{Calibration, Sensors};
 pub use session::Session;
+pub use speed_text::{speed_curve, speeds_text};
 pub use text::{curve_text, entries, set, unknown};

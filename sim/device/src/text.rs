@@ -1,14 +1,16 @@
 //! Settings by name, as on the command line.
 
-use rotorlead::design::{CurvePoint, RotorCurve};
+use rotorlead::design::{CurvePoint, RotorCurve, SpeedCurve};
 use rotorlead::settings::{CompensatorKind, Key, MOTORS, MotorSettings, NoSignal, PulseProtocol, SettingId, Settings};
 use rotorlead::throttle::{Command, Throttle};
 use rotorlead_records::files::did_you_mean;
 
 use super::DeviceError;
+use super::speed_text::{read_speeds, speeds_text};
 
 /// What a compensator runs.
-const KINDS: [(&str, CompensatorKind); 2] = [("lead", CompensatorKind::Lead), ("inverse", CompensatorKind::Inverse)];
+const KINDS: [(&str, CompensatorKind); 3] =
+    [("lead", CompensatorKind::Lead), ("inverse", CompensatorKind::Inverse), ("rpm", CompensatorKind::Rpm)];
 /// What an output does without a signal.
 const NO_SIGNAL: [(&str, NoSignal); 2] = [("no_pulses", NoSignal::NoPulses), ("stop_pulses", NoSignal::StopPulses)];
 
@@ -79,6 +81,7 @@ enum Value<'a> {
     Switch(&'a mut bool),
     Kind(&'a mut CompensatorKind),
     Curve(&'a mut Option<RotorCurve>),
+    Speeds(&'a mut Option<SpeedCurve>),
     Protocol(&'a mut PulseProtocol),
     NoSignal(&'a mut NoSignal),
 }
@@ -113,6 +116,7 @@ impl<'a> Value<'a> {
             Key::Max => Self::Level(max),
             Key::HoldMs => Self::Count(hold_ms),
             Key::TimeConstantS => Self::Curve(curve),
+            Key::Erpm => Self::Speeds(&mut settings.speeds[motor]),
             Key::ExcitationMaxDurationS => Self::Count(&mut settings.excitation.max_duration_s),
             Key::ExcitationMaxCommand => Self::Level(&mut settings.excitation.max_command),
             Key::ExcitationMaxAmplitude => Self::Level(&mut settings.excitation.max_amplitude),
@@ -133,6 +137,7 @@ impl<'a> Value<'a> {
             Self::Switch(value) => value.to_string(),
             Self::Kind(value) => find_name(&KINDS, **value),
             Self::Curve(value) => value.as_ref().map_or_else(|| NONE.to_owned(), curve_text),
+            Self::Speeds(value) => value.as_ref().map_or_else(|| NONE.to_owned(), speeds_text),
             Self::Protocol(value) => value.name().to_owned(),
             Self::NoSignal(value) => find_name(&NO_SIGNAL, **value),
         }
@@ -164,6 +169,10 @@ impl<'a> Value<'a> {
                 *place = if text == NONE { None } else { Some(read_curve(text)?) };
                 Ok(())
             }
+            Self::Speeds(place) => {
+                *place = if text == NONE { None } else { Some(read_speeds(text)?) };
+                Ok(())
+            }
             Self::Protocol(place) => {
                 choose(&PulseProtocol::ALL.map(|protocol| (protocol.name(), protocol)), place, text)
             }
@@ -172,8 +181,8 @@ impl<'a> Value<'a> {
     }
 }
 
-/// Time constants that are not known, or a level that nobody has chosen.
-const NONE: &str = "none";
+/// Time constants or speeds that are not known, or a level that nobody has chosen.
+pub(super) const NONE: &str = "none";
 /// The form of time constants.
 pub const CURVE: &str = "COMMAND:SECONDS,...";
 
@@ -184,7 +193,7 @@ fn number_text(value: f64) -> String {
 }
 
 /// A level as a number that reads back the same, with as few decimals as do; ten resolve 2^-29.
-fn level_text(bits: i32) -> String {
+pub(super) fn level_text(bits: i32) -> String {
     let value = Throttle::from_bits(bits).to_f64();
     let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
     shown.into_iter().find(|text| read_level(text) == Some(bits)).unwrap_or_else(|| number_text(value))

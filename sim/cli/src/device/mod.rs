@@ -7,6 +7,7 @@ mod inject;
 mod record;
 mod set;
 mod tune;
+mod tune_speeds;
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -32,7 +32,7 @@ pub(super) struct Sensor {
     zero_count: Option<f64>,
     /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
     #[arg(long, value_name = "N", value_parser = motor_poles)]
-    motor_poles: Option<u8>,
+    pub(super) motor_poles: Option<u8>,
 }
 
 /// Magnets come in pairs.

@@ -16,7 +16,8 @@ use super::design_remedy;
 #[derive(Args, Debug)]
 pub struct Set {
     /// Which setting, as `get` shows them, or motor.*.KEY for every motor; and to what. Levels are commands from 0 to 1,
-    /// time constants COMMAND:SECONDS,... or none. Settings that depend on each other go into one command. On a
+    /// time constants COMMAND:SECONDS,... or none, speeds
+    /// COMMAND:ERPM,... or none. Settings that depend on each other go into one command. On a
     /// controller whose settings nobody has chosen, output.protocol has to be among them
     #[arg(value_names = ["KEY", "VALUE"], num_args = 2.., required_unless_present = "compensator")]
     pairs: Vec<String>,
@@ -46,7 +47,7 @@ impl Set {
             text.push_str(&format!("{key} = {value}, "));
         }
         text.push_str("until the power goes; `rotorlead device save` stores it\n");
-        if settings.compensator == CompensatorKind::Inverse {
+        if settings.compensator != CompensatorKind::Lead {
             text.push_str("the output of an inverse stays within each motor's idle and max\n");
         }
         text.extend(warnings.iter().map(|sentence| words::warning(sentence)));

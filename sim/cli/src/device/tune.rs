@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _, miette};
 use rotorlead::controller::filters;
+use rotorlead::design::SpeedCurve;
 use rotorlead::settings::{Key, MOTORS, Settings};
 use rotorlead_answer::words::{counted, warning};
 use rotorlead_design::redesign::KindOptions;
@@ -24,6 +25,7 @@ use thiserror::Error;
 use super::compensator;
 use super::excite::{Excite, PlayedArguments};
 use super::record::Sensor;
+use super::tune_speeds::{correct_by, measured_speeds};
 use crate::UsageError;
 use crate::outcome::Outcome;
 use crate::parameters::{KindName, PurposeOption, number};
@@ -63,6 +65,10 @@ pub(super) struct Tune {
     kind: Option<KindName>,
     #[command(flatten)]
     purpose: PurposeOption,
+    /// Have the inverse go by the ESCs' replies in flight (`compensator rpm`): battery and propeller then change the speed no more. Of two
+    /// commands or more
+    #[arg(long, requires = "motor_poles")]
+    rpm: bool,
     /// Also take motors that were judged as ready within limits; the limits are shown before anything is set
     #[arg(long)]
     accept_limits: bool,
@@ -77,6 +83,8 @@ struct Tuned {
     folder: PathBuf,
     model: Model,
     judgement: Judgement,
+    /// Where they are to correct the inverse.
+    speeds: Option<SpeedCurve>,
 }
 
 /// What ends the tuning.
@@ -104,6 +112,14 @@ enum TuneError {
     #[error("motor {motor} was judged, as {judgement}: no setting was changed")]
     #[diagnostic(help("its records are in `{}`: `rotorlead report` shows them", folder.display()))]
     NotReady { motor: u8, judgement: Judgement, folder: PathBuf },
+    /// Speeds that make no curve.
+    #[error("the speeds of motor {motor} correct nothing: {reason}; no setting was changed")]
+    #[diagnostic(help("give more commands with --nominal, or leave --rpm out"))]
+    NoSpeeds { motor: u8, reason: String },
+    /// A lead has no gain to correct.
+    #[error("a lead is recommended, and --rpm corrects an inverse: no setting was changed")]
+    #[diagnostic(help("--kind inverse, or leave --rpm out; the records are in `{}`", folder.display()))]
+    NoInverse { folder: PathBuf },
     /// Motors that are unlike each other.
     #[error("a lead is recommended for some of the motors, and an inverse for others")]
     #[diagnostic(help("choose one with --kind; the records are in `{}`", folder.display()))]
@@ -137,7 +153,14 @@ impl Tune {
             tuned.push(self.identify(motor, folder)?);
         }
         let designs = self.design(&settings, &tuned)?;
-        let changes = changes(&settings, &tuned, &designs);
+        let mut changes = changes(&settings, &tuned, &designs);
+        if self.rpm {
+            if designs.iter().any(|design| design.compensator.as_inverse().is_none()) {
+                return Err(TuneError::NoInverse { folder: self.out.clone() }.into());
+            }
+            let speeds = tuned.iter().filter_map(|one| Some((one.motor, one.speeds?)));
+            correct_by(&mut changes, &settings, &speeds.collect::<Vec<_>>());
+        }
         let changed = change(&settings, &changes)?;
         filters(&changed).map_err(|error| miette!(help = super::design_remedy(&error), "{error}"))?;
         let mut text = summary(&tuned, &designs, &changes);
@@ -173,6 +196,9 @@ impl Tune {
                 format!("there is no motor {motor}"),
                 format!("count them from 0 to {}", MOTORS - 1),
             ));
+        }
+        if self.rpm && levels.len() < 2 {
+            return Err(UsageError::new("--rpm takes two commands or more", "give more with --nominal"));
         }
         let is_twice = |(index, motor): (usize, &u8)| self.motors[..index].contains(motor);
         if self.motors.iter().enumerate().any(is_twice) {
@@ -223,7 +249,9 @@ impl Tune {
         if !is_ready {
             return Err(TuneError::NotReady { motor, judgement, folder }.into());
         }
-        Ok(Tuned { motor, folder, model, judgement })
+        let speeds = self.sensor.motor_poles.filter(|_| self.rpm).map(|poles| measured_speeds(&experiment, poles));
+        let speeds = speeds.transpose().map_err(|reason| TuneError::NoSpeeds { motor, reason })?;
+        Ok(Tuned { motor, folder, model, judgement, speeds })
     }
 
     /// A compensator for each motor, alike in all that the controller has for all of them: an inverse with the slowest of the reference

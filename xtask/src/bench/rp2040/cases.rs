@@ -1,9 +1,11 @@
 //! What the controller does while it is measured: four motors that are disarmed first, and then follow new commands.
 
-use emulator::rp2040::{Bytes, CYCLES_PER_S, Edge, Run, frames, pulses};
-use rotorlead::dshot::{Checksum, Frame, Speed, Value};
+use emulator::rp2040::{Bytes, CYCLES_PER_S, Edge, Responder, Run, frames, pulses, reply};
+use rotorlead::design::SpeedCurve;
+use rotorlead::dshot::{Checksum, Frame, REPLY_BITS, Reply, Speed, Value};
 use rotorlead::link::{FRAME_BYTES, Request, encode};
-use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings};
+use rotorlead::settings::{CompensatorKind, MOTORS, Pulse, PulseProtocol, Settings};
+use rotorlead::throttle::Command;
 use rotorlead_rp2040::generated::{INPUT_1, OUTPUT_1};
 
 use super::flash;
@@ -36,6 +38,16 @@ const FRAME_PERIOD: u64 = CYCLES_PER_S / FRAME_HZ as u64;
 /// Their values in turn while armed: from the first on, each so much above the one before, within a range.
 const ARMED_VALUES: (u64, u64, u64) = (800, 97, 400);
 
+/// Frames that ESCs answer, from a number on that is out before calls are counted, and what they say: as fast as the motors were at a command of
+/// 0.47, by [`SPEEDS`] over the commands between [`KNOWN`].
+const ANSWERED_HZ: u16 = 1000;
+const ANSWERED: std::ops::Range<u16> = 900..1500;
+const SAID_US: u32 = 820;
+const KNOWN: [f64; 2] = [0.3, 0.8];
+const SPEEDS: [u32; 3] = [52_000, 80_000, 100_000];
+/// From the end of a frame to its answer.
+const ESC_DELAY_US: u64 = 30;
+
 /// What is held of the start: with the design of one lead, and of four inverses, which have one for each motor.
 const START_S: f64 = 0.3;
 const START_WITH_INVERSES_S: f64 = 0.5;
@@ -65,21 +77,41 @@ pub struct Case {
     /// The first control tick is to come earlier than this, seconds after the reset.
     pub latest_start_s: f64,
     lines: Lines,
+    /// Whether the ESCs answer.
+    pub esc: bool,
 }
 
 impl Case {
     /// Everything that is measured.
-    pub fn all() -> Result<[Self; 4]> {
+    pub fn all() -> Result<[Self; 6]> {
         let (pass, lead) = (settings(false), settings(true));
         let dshot = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: FRAME_HZ };
-        let case =
-            |key, name, settings, lines| Self { key, name, settings, armed: ARMED, latest_start_s: START_S, lines };
-        let inverse = case("inverse", "pulses, inverse", with_inverse(lead.clone())?, Lines::Pulses);
+        let case = |key, name, settings, lines| Self {
+            key,
+            name,
+            settings,
+            armed: ARMED,
+            latest_start_s: START_S,
+            lines,
+            esc: false,
+        };
+        let with_inverses = |key, name, settings, esc| {
+            let case = case(key, name, settings, Lines::Pulses);
+            Self { armed: ARMED_INVERSE, latest_start_s: START_WITH_INVERSES_S, esc, ..case }
+        };
+        let inverse = with_inverse(lead.clone())?;
+        let output = Pulse { protocol: PulseProtocol::Dshot600Bidirectional, frame_hz: ANSWERED_HZ };
+        let answered = Settings { output, ..inverse.clone() };
+        let [from, to] = KNOWN.map(Command::saturating_from_f64);
+        let speeds = [Some(SpeedCurve::new(from, to, SPEEDS)); MOTORS];
+        let rpm = Settings { compensator: CompensatorKind::Rpm, speeds, ..answered.clone() };
         Ok([
             case("pass", "pulses, no compensator", pass, Lines::Pulses),
             case("lead", "pulses, lead", lead.clone(), Lines::Pulses),
-            Self { armed: ARMED_INVERSE, latest_start_s: START_WITH_INVERSES_S, ..inverse },
+            with_inverses("inverse", "pulses, inverse", inverse, false),
             case("dshot", "DShot600, lead", Settings { input: dshot, output: dshot, ..lead }, Lines::Frames),
+            with_inverses("answered", "pulses in, DShot600 with replies out, inverse", answered, true),
+            with_inverses("rpm", "pulses in, DShot600 with replies out, rpm", rpm, true),
         ])
     }
 
@@ -105,6 +137,9 @@ impl Case {
         run.uart_in = requests(self.from(), self.last())?;
         run.watch.extend((OUTPUT_1..).take(MOTORS));
         run.handlers_from = self.from();
+        if self.esc {
+            run.responders.extend((OUTPUT_1..).take(MOTORS).map(esc));
+        }
         Ok(run)
     }
 
@@ -132,6 +167,14 @@ impl Case {
             Lines::Frames => CYCLES_PER_S * 3 / 8 / u64::from(SPEED.bits_per_s()),
         }
     }
+}
+
+/// An ESC that answers what is counted.
+fn esc(pin: u8) -> Responder {
+    let levels = Reply::from_period_us(Some(SAID_US)).to_levels();
+    let answer = reply(SPEED.bits_per_s(), levels, REPLY_BITS, us(ESC_DELAY_US), 1.0);
+    let answers = (0..ANSWERED.end).map(|n| if ANSWERED.contains(&n) { answer.clone() } else { Vec::new() });
+    Responder { pin, falls: 16, answers: answers.collect() }
 }
 
 fn settings(compensate: bool) -> Settings {

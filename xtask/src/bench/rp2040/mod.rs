@@ -45,6 +45,10 @@ fn check(case: &Case, trace: &Trace) -> Result {
             "no control tick within {ms} ms of the reset, when the motors are armed: too late to measure"
         ));
     }
+    // A line that is high at rest does not show it.
+    if case.esc {
+        return Ok(());
+    }
     // A fifth longer than a stop is no rounding.
     match (OUTPUT_1..).take(MOTORS).find(|&pin| longest_high(case, trace, pin) <= case.longest_stop() * 6 / 5) {
         Some(pin) => Err(format!("the motor at GP{pin} does not turn")),
