@@ -6,7 +6,7 @@ use crate::pointer::{out, shared};
 use crate::{Command, Status, rotorlead_command_to_float};
 
 /// Words of a compensator.
-pub const COMPENSATOR_WORDS: usize = 92;
+pub const COMPENSATOR_WORDS: usize = 102;
 
 /// The compensator of one motor. It holds its design and its state, and no pointer: it may be copied, and one design serves as
 /// many motors as there are copies. It is for the functions of this header alone. Zeroed, it is one without a design. Whatever else

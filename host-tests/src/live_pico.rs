@@ -11,7 +11,7 @@ use emulator::rp2040::{
     Bytes, CYCLES_PER_S, Drive, Edge, Flash, Live, Plug, PlugEvent, Question, Responder, Run, Trace, reply,
 };
 use rotorlead::dshot::{Checksum, Frame, REPLY_BITS, Speed};
-use rotorlead::settings::Settings;
+use rotorlead::settings::{DEAD_MAN_MS, Settings};
 
 use crate::pins::{self, JUMPER, OUTPUT_1, us};
 use crate::rotor::{Rotor, TurningRotor};
@@ -20,6 +20,10 @@ use crate::rotor::{Rotor, TurningRotor};
 const STARTED: u64 = 37_500_000;
 /// For how long the host's bytes wait for the chip, and the chip's for the host.
 const SLICE: Duration = Duration::from_millis(1);
+/// A host that has sent nothing for as long may be held up by its own machine, and the emulated time waits for it; one that goes on sending
+/// nothing is silent.
+const HELD_UP: Duration = Duration::from_millis(DEAD_MAN_MS as u64 / 2);
+const SILENT: Duration = Duration::from_secs(3);
 /// What ESCs take from the end of a frame to the reply.
 const ESC_DELAY_US: f64 = 30.0;
 /// Slices for which motors may go on turning when the host is gone: two seconds.
@@ -201,6 +205,7 @@ impl Running {
     /// Until the client has gone, or the plug.
     fn talk(&mut self, mut line: TcpStream, wishes: &Wishes) {
         line.set_nonblocking(true).expect("a line may not block");
+        let mut heard = Instant::now();
         while !wishes.stop.load(Ordering::Relaxed) {
             if wishes.unplug.load(Ordering::Relaxed) {
                 drop(line);
@@ -208,6 +213,12 @@ impl Running {
             }
             let started = Instant::now();
             let Some(bytes) = received(&mut line) else { return };
+            if !bytes.is_empty() {
+                heard = Instant::now();
+            } else if (HELD_UP..SILENT).contains(&heard.elapsed()) {
+                std::thread::sleep(SLICE);
+                continue;
+            }
             let trace = self.advance(|run, cycle| {
                 if !bytes.is_empty() {
                     run.usb_in.push(Bytes { cycle, bytes });

@@ -149,9 +149,8 @@ impl SpeedCorrection {
         if self.gain == ONE {
             return command;
         }
-        let bits = (signed(self.gain, command.to_bits()) >> GAIN_BITS) as i32;
-        let highest = Command::ONE.to_bits();
-        Command::from_bits_in_range(if bits < highest { bits } else { highest })
+        // Also where another wrote into memory of a caller's.
+        Command::saturating_from_bits((signed(self.gain, command.to_bits()) >> GAIN_BITS) as i32)
     }
 
     /// Steps 2 to 5, where the rotor's state is `v` and its last turn took `turn_us` microseconds; negative where no reply has said it of

@@ -46,12 +46,16 @@ impl Remedy {
                 return Self { others, left: Some(error) };
             }
             // Nobody but the user has the time constants and the speeds: which motors lack them.
-            let lacking: Option<(&str, fn(&MotorSettings, &Option<SpeedCurve>) -> bool)> = match error.problem {
-                Problem::NoCurve => Some((CURVE, |motor, _| motor.curve.is_none())),
-                Problem::NoSpeed => Some((SPEEDS, |motor, speeds| motor.compensate && speeds.is_none())),
+            let form = match error.problem {
+                Problem::NoCurve => Some(CURVE),
+                Problem::NoSpeed => Some(SPEEDS),
                 _ => None,
             };
-            if let Some((form, lacks)) = lacking {
+            if let Some(form) = form {
+                let lacks = |motor: &MotorSettings, speeds: &Option<SpeedCurve>| match error.problem {
+                    Problem::NoCurve => motor.curve.is_none(),
+                    _ => motor.compensate && speeds.is_none(),
+                };
                 let motors = (0..).zip(settings.motors.iter().zip(&settings.speeds));
                 let motors = motors.filter(|(_, (motor, speeds))| lacks(motor, speeds));
                 let places = motors.map(|(motor, _)| SettingId { key: place.key, motor: Some(motor) });

@@ -174,7 +174,7 @@ fn esc(pin: u8) -> Responder {
     let levels = Reply::from_period_us(Some(SAID_US)).to_levels();
     let answer = reply(SPEED.bits_per_s(), levels, REPLY_BITS, us(ESC_DELAY_US), 1.0);
     let answers = (0..ANSWERED.end).map(|n| if ANSWERED.contains(&n) { answer.clone() } else { Vec::new() });
-    Responder { pin, falls: 16, answers: answers.collect() }
+    Responder { pin, falls: 16, answers: Some(answers.collect()) }
 }
 
 fn settings(compensate: bool) -> Settings {
