@@ -1,7 +1,6 @@
 //! Several settings changed at once.
 
-use rotorlead::design::SpeedCurve;
-use rotorlead::settings::{Key, MOTORS, MotorSettings, Problem, SettingId, Settings, SettingsError, Validated};
+use rotorlead::settings::{Key, MOTORS, Problem, SettingId, Settings, SettingsError, Validated};
 
 use super::speed_text::SPEEDS;
 use super::text::CURVE;
@@ -46,19 +45,16 @@ impl Remedy {
                 return Self { others, left: Some(error) };
             }
             // Nobody but the user has the time constants and the speeds: which motors lack them.
-            let form = match error.problem {
-                Problem::NoCurve => Some(CURVE),
-                Problem::NoSpeed => Some(SPEEDS),
+            let lacks_curve = |motor: usize| settings.motors[motor].curve.is_none();
+            let lacks_speeds = |motor: usize| settings.motors[motor].compensate && settings.speeds[motor].is_none();
+            let lacking: Option<(&str, &dyn Fn(usize) -> bool)> = match error.problem {
+                Problem::NoCurve => Some((CURVE, &lacks_curve)),
+                Problem::NoSpeed => Some((SPEEDS, &lacks_speeds)),
                 _ => None,
             };
-            if let Some(form) = form {
-                let lacks = |motor: &MotorSettings, speeds: &Option<SpeedCurve>| match error.problem {
-                    Problem::NoCurve => motor.curve.is_none(),
-                    _ => motor.compensate && speeds.is_none(),
-                };
-                let motors = (0..).zip(settings.motors.iter().zip(&settings.speeds));
-                let motors = motors.filter(|(_, (motor, speeds))| lacks(motor, speeds));
-                let places = motors.map(|(motor, _)| SettingId { key: place.key, motor: Some(motor) });
+            if let Some((form, lacks)) = lacking {
+                let motors = (0..MOTORS).filter(|&motor| lacks(motor));
+                let places = motors.map(|motor| SettingId { key: place.key, motor: Some(motor as u8) });
                 others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, form.into())));
                 break;
             }

@@ -110,8 +110,8 @@ impl Case {
             case("lead", "pulses, lead", lead.clone(), Lines::Pulses),
             with_inverses("inverse", "pulses, inverse", inverse, false),
             case("dshot", "DShot600, lead", Settings { input: dshot, output: dshot, ..lead }, Lines::Frames),
-            with_inverses("answered", "pulses in, DShot600 with replies out, inverse", answered, true),
-            with_inverses("rpm", "pulses in, DShot600 with replies out, rpm", rpm, true),
+            with_inverses("answered", "DShot600 replies, inverse", answered, true),
+            with_inverses("rpm", "DShot600 replies, rpm", rpm, true),
         ])
     }
 
