@@ -20,9 +20,9 @@ use crate::rotor::{Rotor, TurningRotor};
 const STARTED: u64 = 37_500_000;
 /// For how long the host's bytes wait for the chip, and the chip's for the host.
 const SLICE: Duration = Duration::from_millis(1);
-/// A host that has sent nothing for as long may be held up by its own machine, and the emulated time waits for it; one that goes on sending
-/// nothing is silent.
-const HELD_UP: Duration = Duration::from_millis(DEAD_MAN_MS as u64 / 2);
+/// A host that has sent nothing for so many slices while a motor turns may be held up by its own machine, and the emulated time waits for it;
+/// one that goes on sending nothing is silent.
+const HELD_UP_SLICES: u32 = DEAD_MAN_MS / 2;
 const SILENT: Duration = Duration::from_secs(3);
 /// What ESCs take from the end of a frame to the reply.
 const ESC_DELAY_US: f64 = 30.0;
@@ -61,6 +61,10 @@ impl Motor {
 }
 
 impl Escs {
+    fn is_turning(&self) -> bool {
+        self.0.iter().any(|(_, motor)| motor.last() > 0.0)
+    }
+
     /// What an ESC does behind a frame; nothing behind one that it does not understand.
     fn answer(&mut self, question: &Question) -> Vec<Drive> {
         self.reply(question).unwrap_or_default()
@@ -205,7 +209,7 @@ impl Running {
     /// Until the client has gone, or the plug.
     fn talk(&mut self, mut line: TcpStream, wishes: &Wishes) {
         line.set_nonblocking(true).expect("a line may not block");
-        let mut heard = Instant::now();
+        let (mut heard, mut silent_slices) = (Instant::now(), 0);
         while !wishes.stop.load(Ordering::Relaxed) {
             if wishes.unplug.load(Ordering::Relaxed) {
                 drop(line);
@@ -213,9 +217,10 @@ impl Running {
             }
             let started = Instant::now();
             let Some(bytes) = received(&mut line) else { return };
+            silent_slices += 1;
             if !bytes.is_empty() {
-                heard = Instant::now();
-            } else if (HELD_UP..SILENT).contains(&heard.elapsed()) {
+                (heard, silent_slices) = (Instant::now(), 0);
+            } else if self.escs.is_turning() && silent_slices > HELD_UP_SLICES && heard.elapsed() < SILENT {
                 std::thread::sleep(SLICE);
                 continue;
             }
@@ -241,7 +246,7 @@ impl Running {
                 let what = PlugEvent::Unplugged;
                 run.plug.extend(std::mem::take(&mut first).then_some(Plug { cycle, what }));
             });
-            if self.escs.0.iter().all(|(_, motor)| motor.last() == 0.0) {
+            if !self.escs.is_turning() {
                 return wishes.turned_us.store(SLICE.as_micros() as u32 * slices, Ordering::Relaxed);
             }
         }
