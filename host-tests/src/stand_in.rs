@@ -55,6 +55,8 @@ pub enum Trouble {
     WrongRow(u32),
     /// The line breaks in place of this record or block of outputs, counted from 0.
     Vanishes(u32),
+    /// Keep-alives do not reach it.
+    LosesKeepAlives,
     /// It falls silent in place of this record or block of outputs, counted from 0.
     FallsSilent(u32),
 }
@@ -243,6 +245,9 @@ impl Controller {
     }
 
     fn take(&mut self, request: Tagged<Request>) {
+        if self.trouble == Trouble::LosesKeepAlives && request.message == Request::KeepAlive {
+            return;
+        }
         if matches!(request.message, Request::KeepAlive | Request::Excite(_)) {
             self.silent = Duration::ZERO;
         }

@@ -619,6 +619,14 @@ fn an_excitation_with_one_wrong_sample_is_no_record() {
 }
 
 #[test]
+fn an_excitation_that_the_dead_man_has_ended_says_so() {
+    let bench = Bench::new(Trouble::LosesKeepAlives, FAST);
+    let error = bench.device(&format!("excite --nominal 0.5 --periods 1 --out @stand {SENSOR}")).unwrap_err();
+    assert!(error.contains("heard nothing from this program for 200 ms"), "{error}");
+    assert!(!bench.path("stand").exists());
+}
+
+#[test]
 fn a_recording_has_a_row_for_every_tick() {
     let bench = Bench::new(Trouble::None, FAST);
     bench.device(&format!("record --seconds 0.5 --out @free {SENSOR}")).unwrap();

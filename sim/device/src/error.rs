@@ -2,7 +2,7 @@
 
 use miette::Diagnostic;
 use rotorlead::link::{Refusal, VERSION};
-use rotorlead::settings::SettingsError;
+use rotorlead::settings::{DEAD_MAN_MS, SettingsError};
 use thiserror::Error;
 
 /// Why a controller did not do what was asked.
@@ -115,6 +115,10 @@ pub enum DeviceError {
         /// The highest that is allowed.
         most_rpm: f64,
     },
+    /// The controller's dead-man has ended an excitation.
+    #[error("the controller heard nothing from this program for {DEAD_MAN_MS} ms, and stopped the motor")]
+    #[diagnostic(help("something holds this machine or the line up: close what else runs, and play it again"))]
+    HostSilent,
     /// The recorded excitation is not the one that was asked for.
     #[error("the recording does not hold {rows} rows of the excitation that was asked for, bit for bit")]
     #[diagnostic(help(

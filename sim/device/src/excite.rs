@@ -81,6 +81,22 @@ pub fn play(
     sensors: &Sensors,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Excited, DeviceError> {
+    let dead_man_ends = session.faults()?.dead_man;
+    play_and_record(session, settings, played, sensors, progress).map_err(|error| {
+        // Either is what a motor leaves that was stopped.
+        let is_cut = matches!(error, DeviceError::NoSpeed { .. } | DeviceError::NotPlayed { .. });
+        let is_silent = is_cut && session.faults().is_ok_and(|faults| faults.dead_man != dead_man_ends);
+        if is_silent { DeviceError::HostSilent } else { error }
+    })
+}
+
+fn play_and_record(
+    session: &mut Session,
+    settings: &Settings,
+    played: &Played,
+    sensors: &Sensors,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Excited, DeviceError> {
     let sequence = sequence(settings, played)?;
     let divisor = usize::from(played.divisor.max(1));
     let rows = sequence.len() / divisor * usize::from(played.periods);
