@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 // Words of a compensator.
-#define ROTORLEAD_COMPENSATOR_WORDS 92
+#define ROTORLEAD_COMPENSATOR_WORDS 102
 
 // What a call ends with: 0 where it did what was asked. `rotorlead_status_text` has the words.
 enum rotorlead_status
