@@ -52,7 +52,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 17] = [
+const PAGES: [Page; 18] = [
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
@@ -62,7 +62,8 @@ const PAGES: [Page; 17] = [
     page("docs/identification.md", 4),
     page("docs/when-identification-fails.md", 15),
     page("docs/diagnosis.md", 8),
-    page("docs/firmware.md", 4),
+    page("docs/firmware.md", 5),
+    page("docs/rpm.md", 1),
     page("docs/board-rp2040.md", 4),
     page("docs/c-interface.md", 2),
     page("docs/python.md", 2),
@@ -370,6 +371,7 @@ fn the_page_on_the_vehicle_shows_what_its_commands_print() {
 #[test]
 fn the_pages_on_the_controller_name_commands_that_there_are() {
     holds("docs/firmware.md");
+    holds("docs/rpm.md");
     holds("docs/board-rp2040.md");
     holds("docs/c-interface.md");
     holds("docs/wiring.md");
