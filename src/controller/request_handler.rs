@@ -90,6 +90,10 @@ impl<F: NorFlash> RequestHandler<F> {
         board: &mut impl ControlAccess,
     ) -> Option<Tagged<Message>> {
         let Tagged { tag, message: request } = request;
+        if self.is_leaving {
+            // Whatever would end the pause comes too late: in a moment nobody is there.
+            return None;
+        }
         let result = match request {
             Request::Info => Ok(Message::Info(self.info(board))),
             Request::GetSettings => Ok(Message::Settings(Settings::clone(&self.settings))),

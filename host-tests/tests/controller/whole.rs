@@ -1035,7 +1035,12 @@ fn the_boot_loader_is_called_with_the_jumper_and_every_motor_at_rest_and_nobody_
     rig.tick_one(low);
     assert_eq!(rig.ask(&Request::BootLoader), Message::Done);
     assert!(rig.is_leaving());
-    rig.tick_one(low);
+    // Each of these would let the ticks go on.
+    for request in [Request::SetSettings(Settings::default()), Request::SaveSettings, mode(0, Source::Pulse)] {
+        rig.send(&request);
+        rig.serve(usize::MAX);
+        rig.tick_one(low);
+    }
     assert!(rig.arm_one(high) <= STOP);
 
     let mut rig = exciting(100);
