@@ -151,6 +151,9 @@ impl Usb {
         self.look_at_reset();
         let done = self.registers.buff_status().read().bits();
         self.forget_done(done);
+        // Before a setup, which may begin with these endpoints anew.
+        self.is_sending &= done & DATA_IN.bit() == 0;
+        self.has_received |= self.is_configured && done & DATA_OUT.bit() != 0;
         if raised.setup_req().bit() {
             // What was done of the transfer before does not matter any more.
             self.setup();
@@ -163,8 +166,6 @@ impl Usb {
                 self.take_control();
             }
         }
-        self.is_sending &= done & DATA_IN.bit() == 0;
-        self.has_received |= self.is_configured && done & DATA_OUT.bit() != 0;
         self.receive();
         self.send();
         let is_waiting = self.has_received || !matches!(self.erratum, Erratum::None);
