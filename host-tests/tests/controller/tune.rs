@@ -227,6 +227,11 @@ fn what_cannot_be_tuned_is_refused_before_a_motor_turns() {
         let error = vehicle.refused(arguments);
         assert!(error.contains(said), "{arguments}: {error}");
     }
+    vehicle.device("set motor.1.compensate true").unwrap();
+    for (motor, said) in [("0", "not among --motors"), ("1", "through which it would be measured")] {
+        let error = vehicle.refused(&format!("--motors {motor} --nominal 0.4 --most-rpm 9000 --motor-poles 14"));
+        assert!(error.contains(said) && error.contains("set motor.1.compensate false"), "{error}");
+    }
     assert_eq!(vehicle.most[0].load(Ordering::Relaxed), 0);
     assert!(!vehicle.folder.path().join("tuned").exists());
 }

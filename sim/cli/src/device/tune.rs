@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _, miette};
 use rotorlead::controller::filters;
-use rotorlead::design::SpeedCurve;
+use rotorlead::design::{SHORTEST_SPEED_RANGE, SpeedCurve};
 use rotorlead::settings::{Key, MOTORS, Settings};
 use rotorlead_answer::words::{counted, warning};
 use rotorlead_design::redesign::KindOptions;
@@ -108,6 +108,10 @@ enum TuneError {
         "is --motor-poles the number of its magnets? Else give --most-rpm by what the motor reaches at {nominal}"
     ))]
     TooSlow { motor: u8, rpm: f64, nominal: f64, most_rpm: f64 },
+    /// Motors that have a compensator in their path already.
+    #[error("motor {motor} has a compensator in its path{}", if *is_tuned { ", through which it would be measured" } else { ", and is not among --motors: all share one kind and its parameters" })]
+    #[diagnostic(help("`rotorlead device set motor.{motor}.{compensate} false` takes it out; the others' go on in flight", compensate = Key::Compensate.name()))]
+    HasCompensator { motor: usize, is_tuned: bool },
     /// The records allow no compensator.
     #[error("motor {motor} was judged, as {judgement}: no setting was changed")]
     #[diagnostic(help("its records are in `{}`: `rotorlead report` shows them", folder.display()))]
@@ -131,6 +135,7 @@ impl Tune {
         let levels = self.check()?;
         let settings = session.settings()?;
         self.sensor.sensors(&settings)?;
+        self.check_paths(&settings)?;
         check_controller(session)?;
         OutputFolder::create(&self.out)?.commit()?;
         let seconds = self.played.seconds(&settings) * ((levels.len() + 1) * self.motors.len()) as f64;
@@ -197,14 +202,26 @@ impl Tune {
                 format!("count them from 0 to {}", MOTORS - 1),
             ));
         }
-        if self.rpm && levels.len() < 2 {
-            return Err(UsageError::new("--rpm takes two commands or more", "give more with --nominal"));
+        let range = levels[levels.len() - 1] - levels[0];
+        if self.rpm && range < SHORTEST_SPEED_RANGE.to_f64() {
+            let problem = format!("--rpm takes two commands or more, {} apart", SHORTEST_SPEED_RANGE.to_f64());
+            return Err(UsageError::new(problem, "give more with --nominal"));
+        }
+        if self.rpm && self.kind == Some(KindName::Lead) {
+            return Err(UsageError::new("--rpm corrects an inverse, and --kind is lead", "leave one of them out"));
         }
         let is_twice = |(index, motor): (usize, &u8)| self.motors[..index].contains(motor);
         if self.motors.iter().enumerate().any(is_twice) {
             return Err(UsageError::new("--motors names a motor twice", "name each once"));
         }
         Ok(levels)
+    }
+
+    /// Whether the motors are to be measured as they are, and no other gets a compensator that nobody has measured for it.
+    fn check_paths(&self, settings: &Settings) -> Result<(), TuneError> {
+        let Some(motor) = settings.motors.iter().position(|motor| motor.compensate) else { return Ok(()) };
+        let is_tuned = self.motors.iter().any(|&tuned| usize::from(tuned) == motor);
+        Err(TuneError::HasCompensator { motor, is_tuned })
     }
 
     /// Plays on one motor, from the lowest command on, and last once more at the middle one, for a record that nothing is fitted to. What it
