@@ -37,7 +37,9 @@ impl Session {
     pub fn new(port: Box<dyn Port>, address: &str, limit: Duration) -> Self {
         let address = address.to_owned();
         let receiver = Receiver::new();
-        Self { port, address, limit, receiver, inbox: VecDeque::new(), tag: 0, kept_alive: None, recording: None }
+        // Answers to a program that was ended may still be on their way: hardly any has a tag of this one.
+        let tag = std::time::UNIX_EPOCH.elapsed().map_or(0, |since| since.subsec_micros() as u8);
+        Self { port, address, limit, receiver, inbox: VecDeque::new(), tag, kept_alive: None, recording: None }
     }
 
     /// Who and how the controller is.
