@@ -86,8 +86,12 @@ struct Flight {
 impl Flight {
     /// At rest at 0.5, armed a moment ago.
     fn new(compensator: CompensatorKind, change: Change, line: Line) -> Self {
+        Self::with(settings(compensator), change, line)
+    }
+
+    fn with(settings: Settings, change: Change, line: Line) -> Self {
         let mut store = Store::new(Flash::<4096>::blank(), Flash::<4096>::SECTORS);
-        store.save(&settings(compensator).validate().unwrap()).unwrap();
+        store.save(&settings.validate().unwrap()).unwrap();
         let (board, _, _) = TestBoard::start(store, facts(CRYSTAL));
         let mut flight = Self {
             board,
@@ -328,14 +332,16 @@ fn commands_that_change_all_the_time_do_not_move_the_gain() {
 
 #[test]
 fn nothing_winds_up_at_the_limits_of_the_output() {
-    let mut flight = Flight::new(CompensatorKind::Rpm, SAG, CLEAN);
-    // A sag for which the output has no room: the reference goes beyond the highest command.
+    const HIGHEST: f64 = 0.85;
+    let mut settings = settings(CompensatorKind::Rpm);
+    settings.motors[0].max = Command::saturating_from_f64(HIGHEST).to_bits();
+    let mut flight = Flight::with(settings, SAG, CLEAN);
+    // A sag for which the output has no room: 0.93 would be right.
     flight.run(15.0, |_| 0.79);
+    assert!((flight.u - HIGHEST).abs() < 1e-3, "{}", flight.u);
     let at_limit = flight.gain();
-    flight.change.voltage = 0.7;
-    flight.run(15.0, |_| 0.79);
-    println!("gain {at_limit:.4} of {:.4}, and with the output at its end {:.4}", 1.0 / 0.85, flight.gain());
-    assert!(flight.u > 0.95);
+    println!("gain with the output at its limit {at_limit:.4}, where {:.4} is right", 1.0 / 0.85);
+    assert!((at_limit * 0.85 - 1.0).abs() < 2.0 * RESOLUTION, "{at_limit}");
     flight.change = AS_IDENTIFIED;
     let first = flight.outputs.len();
     flight.run(15.0, |_| 0.5);

@@ -1,6 +1,7 @@
 //! `rotorlead device tune` on the image that is flashed, at its USB plug, with ESCs that answer at its pins.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Parser as _;
@@ -90,14 +91,17 @@ fn two_motors_get_their_compensators_on_the_image_that_is_flashed() {
 #[ignore = "needs the image and the emulators: cargo xtask test"]
 fn a_plug_that_is_pulled_stops_the_motor_and_nothing_is_set() {
     let vehicle = Vehicle::new(&[Rotor::new(0.060), Rotor::new(0.042)]);
+    let is_over = AtomicBool::new(false);
     let error = std::thread::scope(|scope| {
         scope.spawn(|| {
-            while vehicle.pico.motor(0).last() < 0.9 * NOMINAL {
+            while vehicle.pico.motor(0).last() < 0.9 * NOMINAL && !is_over.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(20));
             }
             vehicle.pico.unplug();
         });
-        vehicle.device(TUNE).unwrap_err()
+        let result = vehicle.device(TUNE);
+        is_over.store(true, Ordering::Relaxed);
+        result.unwrap_err()
     });
     assert!(error.contains("motor 0 was not measured, and no setting was changed"), "{error}");
     let turned_ms = (0..100).find_map(|_| {
@@ -112,13 +116,13 @@ fn a_plug_that_is_pulled_stops_the_motor_and_nothing_is_set() {
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]
-fn a_motor_without_its_propeller_and_one_that_does_not_answer_are_stopped() {
+fn a_motor_without_its_propeller_one_that_does_not_answer_and_wrong_poles_set_nothing() {
     let silent = Rotor { answers_until_s: 0.0, ..Rotor::new(0.05) };
-    let vehicle = Vehicle::new(&[Rotor { faster: 1.7, ..Rotor::new(0.01) }, silent]);
+    let vehicle = Vehicle::new(&[Rotor { faster: 1.7, ..Rotor::new(0.01) }, silent, Rotor::new(0.05)]);
     let before = vehicle.settings();
-    for (motor, said) in [("0", "propeller"), ("1", "gave no speed")] {
-        let error =
-            vehicle.device(&TUNE.replace("0,1", motor).replace("@tuned", &format!("@tuned{motor}"))).unwrap_err();
+    for (motor, poles, said) in [("0", "14", "propeller"), ("1", "14", "gave no speed"), ("2", "8", "magnets")] {
+        let tune = TUNE.replace("0,1", motor).replace("@tuned", &format!("@tuned{motor}"));
+        let error = vehicle.device(&tune.replace("-poles 14", &format!("-poles {poles}"))).unwrap_err();
         assert!(error.contains(said), "{error}");
         assert_eq!(vehicle.settings(), before);
         assert_eq!(vehicle.pico.motor(motor.parse().unwrap()).last(), 0.0);
