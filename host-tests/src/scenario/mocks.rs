@@ -16,9 +16,9 @@ use crate::flash::Flash;
 use crate::pins::{INPUT_1, JUMPER, LED, OUTPUT_1, Stamp, ms, stamps};
 use crate::rig::{Rig, SharedFlash, saved};
 
-/// The clocks of an RP2040, with stamps of 5 cycles. The library on a host reckons with the cycles of a Cortex-M4, whose tick takes 1450 where
+/// The clocks of an RP2040, with stamps of 5 cycles. The library on a host reckons with the cycles of a Cortex-M4, whose tick takes 2050 where
 /// that of an RP2040's core takes 5200 (`rotorlead::controller`'s load): a core that is slower by as much has as little time.
-const CLOCKS: ClockReport = ClockReport { core_hz: CYCLES_PER_S as u32 / 104 * 29, timer_hz: 25_000_000, ..CRYSTAL };
+const CLOCKS: ClockReport = ClockReport { core_hz: CYCLES_PER_S as u32 / 104 * 41, timer_hz: 25_000_000, ..CRYSTAL };
 const CYCLES_PER_COUNT: u64 = 5;
 /// When it starts: what came before is not seen.
 const START: u64 = CYCLES_PER_S / 5;

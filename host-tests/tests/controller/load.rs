@@ -1,7 +1,7 @@
 //! Whether an excitation leaves the link the time that its keep-alives need: byte times played against tick times.
 
 use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL};
-use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, LINE_CYCLES, TICK_CYCLES, percent};
+use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, EXCITATION_TICK_CYCLES, LINE_CYCLES, percent};
 use rotorlead::link::{BYTES_PER_S, LineSet, MAX_LOAD_PERCENT, RECORD_SAMPLE_BYTES, Request, encode};
 
 /// What an interrupt for bytes may interrupt.
@@ -37,7 +37,7 @@ fn play(lines: usize, loop_rate_hz: u32, core_hz: u32, priority: BytePriority) -
     let core = u64::from(core_hz);
     let byte = core / u64::from(BYTES_PER_S);
     let period = core / u64::from(loop_rate_hz);
-    let work = u64::from(TICK_CYCLES) + lines as u64 * u64::from(LINE_CYCLES);
+    let work = u64::from(EXCITATION_TICK_CYCLES) + lines as u64 * u64::from(LINE_CYCLES);
     let handler = u64::from(BYTE_CYCLES);
     let frame = keep_alive_bytes();
     let end = KEEP_ALIVES * core / 20;

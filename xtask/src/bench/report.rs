@@ -4,7 +4,9 @@ use std::fmt;
 
 use serde_json::{Value, json};
 
-use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, CAPTURE_CYCLES, LINE_CYCLES, TICK_CYCLES};
+use rotorlead::controller::load::{
+    BYTE_CYCLES, BYTE_TAKEN_CYCLES, CAPTURE_CYCLES, EXCITATION_TICK_CYCLES, LINE_CYCLES, TICK_CYCLES,
+};
 use rotorlead::link::BYTES_PER_S;
 
 use super::application::{Costs, Interrupts};
@@ -17,7 +19,7 @@ const SLOW_CORE_HZ: f64 = 16e6;
 /// A wait that does not end within this many cycles does not end while the link is busy.
 const ENDLESS_CYCLES: u64 = 1_000_000;
 /// Longest lock of the inputs, for a request that needs every motor at rest: 50 µs.
-const LONGEST_LOCK_CYCLES: u32 = (54e-6 * CORE_HZ) as u32;
+const LONGEST_LOCK_CYCLES: u32 = (59e-6 * CORE_HZ) as u32;
 /// What says how long the interrupts wait.
 const PAGE: &str = include_str!("../../../docs/firmware.md");
 /// What the project holds of its own section and tick.
@@ -32,8 +34,8 @@ const MOST_INSTRUCTIONS_TICK: u32 = 710;
 const MOST_INSTRUCTIONS_TICK_SLEW: u32 = 740;
 /// Of a filter that has the limits of its output in its state: a call, and a call in which a limit changes the output.
 const MOST_INSTRUCTIONS_WITH_LIMITS: [(&str, u32, u32); 2] = [(LIMITED_KEY, 32, 50), (INVERSE_KEY, 60, 80)];
-/// A tick of four motors with inverses, for which two machines counted 894 and 901.
-const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 920;
+/// A tick of four motors with inverses: 901 were counted, and 924 since each asks for the gain of a correction by speed.
+const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 950;
 
 /// Everything that was measured.
 pub struct Report {
@@ -229,7 +231,7 @@ impl Report {
             format!("a byte is taken after {taken} cycles, and after {BYTE_TAKEN_CYCLES} by src/controller/load.rs");
         hold((ENTRY + 1..=BYTE_TAKEN_CYCLES).contains(&taken), what);
         for (lines, costs) in excitations.iter().chain([excitation_inverse]) {
-            let (cycles, limit) = (costs.worst.cycles + INTERRUPT, TICK_CYCLES + lines * LINE_CYCLES);
+            let (cycles, limit) = (costs.worst.cycles + INTERRUPT, EXCITATION_TICK_CYCLES + lines * LINE_CYCLES);
             let what =
                 format!("a tick with {lines} lines takes {cycles} cycles, and {limit} by src/controller/load.rs");
             hold(cycles <= limit, what);
