@@ -64,8 +64,8 @@ const LAST_OTHERS: u32 = 2;
 /// Ticks of an excitation that are measured: a round of what is not done in every tick. And those after which it must play.
 const EXCITATION_TICKS: u32 = 9;
 const RAMP_TICKS: u32 = 100;
-/// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
-const EXCITATION_RATE_HZ: u32 = 1000;
+/// A rate at which a core at 16 MHz plays every set of lines. What a tick executes depends on it by the lines that it sums alone.
+const EXCITATION_RATE_HZ: u32 = 1200;
 /// How long the lowest priority is given for a request, once nothing else runs.
 const REQUEST_LIMIT: Duration = Duration::from_secs(3);
 
