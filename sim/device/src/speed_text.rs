@@ -10,7 +10,7 @@ const STEP: f64 = 1.0 / Command::ONE.to_bits() as f64;
 /// The form of speeds.
 pub const SPEEDS: &str = "COMMAND:ERPM,...";
 
-/// Speeds as a setting: `COMMAND:ERPM` at both ends of the curve and in its middle, which [`read_speeds`] takes back to the same curve.
+/// Speeds as a setting: `COMMAND:ERPM` at both ends of the curve and in its middle, which `set` takes back to the same curve.
 #[must_use]
 pub fn speeds_text(curve: &SpeedCurve) -> String {
     let [from, to] = curve.range();
