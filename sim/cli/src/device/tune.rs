@@ -110,7 +110,7 @@ enum TuneError {
     TooSlow { motor: u8, rpm: f64, nominal: f64, most_rpm: f64 },
     /// Motors that have a compensator in their path already.
     #[error("motor {motor} has a compensator in its path{}", if *is_tuned { ", through which it would be measured" } else { ", and is not among --motors: all share one kind and its parameters" })]
-    #[diagnostic(help("`rotorlead device set motor.{motor}.{compensate} false` takes it out; the others' go on in flight", compensate = Key::Compensate.name()))]
+    #[diagnostic(help("`rotorlead device set motor.{motor}.{compensate} false` takes it out: tuning puts in what it finds", compensate = Key::Compensate.name()))]
     HasCompensator { motor: usize, is_tuned: bool },
     /// The records allow no compensator.
     #[error("motor {motor} was judged, as {judgement}: no setting was changed")]
