@@ -229,8 +229,9 @@ fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all()
     }
 }
 
-/// Digits of a number, but for zeros in front.
+/// Digits of a number, but for zeros in front, and those at the end of one without decimals.
 fn significant(number: &str) -> usize {
+    let number = if number.contains('.') { number } else { number.trim_end_matches('0') };
     number.trim_start_matches(['0', '.']).bytes().filter(u8::is_ascii_digit).count()
 }
 
