@@ -1,12 +1,15 @@
 //! A controller at the other end of a line: asks, sets, records, excites and injects.
 //!
 //! [`Session`] talks the protocol of [`rotorlead::link`] over anything that reads and writes with a time limit;
-//! [`open`] makes that from a serial port or, for the emulator, a TCP address.
+//! `open` makes that from a serial port or, for the emulator, a TCP address. Where there is neither, as in a browser, all but
+//! `open` and `find` is the same.
 
 mod change;
 mod error;
 mod excite;
 mod inject;
+mod line;
+#[cfg(not(target_family = "wasm"))]
 mod port;
 mod recording;
 mod sensors;
@@ -18,7 +21,9 @@ pub use change::change;
 pub use error::DeviceError;
 pub use excite::{Excited, Played, play};
 pub use inject::{Difference, Injection, inject, path};
-pub use port::{DEFAULT_BAUD, Port, find, open};
+pub use line::{DEFAULT_BAUD, Port, READ_LIMIT, WRITE_LIMIT};
+#[cfg(not(target_family = "wasm"))]
+pub use port::{find, open};
 pub use recording::{Recorded, Recording, record, template};
 pub use sensors::{Calibration, Sensors};
 pub use session::Session;

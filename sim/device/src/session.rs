@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rotorlead::link::{FRAME_BYTES, Faults, Foreign, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
 use rotorlead::settings::{DEAD_MAN_MS, Settings, Warnings};
+use web_time::{Instant, UNIX_EPOCH};
 
 use super::{DeviceError, Port};
 
@@ -38,7 +39,7 @@ impl Session {
         let address = address.to_owned();
         let receiver = Receiver::new();
         // Answers to a program that was ended may still be on their way: hardly any has a tag of this one.
-        let tag = std::time::UNIX_EPOCH.elapsed().map_or(0, |since| since.subsec_micros() as u8);
+        let tag = UNIX_EPOCH.elapsed().map_or(0, |since| since.subsec_micros() as u8);
         Self { port, address, limit, receiver, inbox: VecDeque::new(), tag, kept_alive: None, recording: None }
     }
 
@@ -210,6 +211,15 @@ impl Session {
         }
     }
 
+    /// Lets time pass at the line, where there may be no other way to wait.
+    pub(super) fn pause(&mut self, time: Duration) -> Result<(), DeviceError> {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.read()?;
+        }
+        Ok(())
+    }
+
     /// How long an answer is waited for.
     pub(super) fn limit(&self) -> Duration {
         self.limit
@@ -230,7 +240,7 @@ impl Session {
         message
     }
 
-    /// Reads what there is, for as long as the port waits: [`READ_LIMIT`](super::port::READ_LIMIT).
+    /// Reads what there is, for as long as the port waits: [`READ_LIMIT`](super::READ_LIMIT).
     fn read(&mut self) -> Result<(), DeviceError> {
         if self.kept_alive.is_some_and(|last| last.elapsed() >= KEEP_ALIVE) {
             self.kept_alive = Some(Instant::now());
