@@ -160,9 +160,7 @@ impl Session {
     /// Sends a request, and gives its tag.
     pub(super) fn send(&mut self, request: &Request) -> Result<u8, DeviceError> {
         self.tag = self.tag.wrapping_add(1);
-        let mut frame = [0; FRAME_BYTES];
-        let length = encode(self.tag, request, &mut frame).expect("a test holds every message to the frame's size");
-        let sent = self.port.write_all(&frame[..length]).and_then(|()| self.port.flush());
+        let sent = self.port.write_all(&frame(self.tag, request)).and_then(|()| self.port.flush());
         sent.map_err(|error| self.broken(&error))?;
         Ok(self.tag)
     }
@@ -275,6 +273,19 @@ impl Session {
     fn silence(&self, request: &'static str, limit: Duration) -> DeviceError {
         DeviceError::NoAnswer { address: self.address.clone(), request, seconds: limit.as_secs_f64() }
     }
+}
+
+/// The bytes that stop an excitation: for whoever cuts the line of a session, which itself sends nothing any more.
+#[must_use]
+pub fn stop_frame() -> Vec<u8> {
+    // No answer is waited for.
+    frame(0, &Request::StopExcitation)
+}
+
+fn frame(tag: u8, request: &Request) -> Vec<u8> {
+    let mut frame = [0; FRAME_BYTES];
+    let length = encode(tag, request, &mut frame).expect("a test holds every message to the frame's size");
+    frame[..length].to_vec()
 }
 
 /// Accepts [`Message::Done`] alone.
