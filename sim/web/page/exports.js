@@ -54,9 +54,16 @@ function exported({ file, text, base64, values }) {
   const warnings = (values.warnings ?? []).map((warning) => element("p", {}, sentence(warning)));
   const download = button(`Download ${file}`, () => keep(file, text ?? bytesOf(base64)));
   if (text === null) return [...warnings, element("p", { textContent: `${file} is no text.` }), download];
+  const shown = element("pre", { tabIndex: 0, attributes: { role: "region", "aria-label": file } }, element("code", { textContent: text }));
   const copy = button("Copy", async () => {
-    await navigator.clipboard.writeText(text);
-    say(`${file} is in the clipboard.`);
+    // Where a page is from another machine without encryption, it has no clipboard.
+    if (navigator.clipboard) {
+      await navigator.clipboard.writeText(text);
+      say(`${file} is in the clipboard.`);
+    } else {
+      getSelection().selectAllChildren(shown);
+      say(`${file} is selected: copy it with the keyboard.`);
+    }
   });
-  return [...warnings, element("p", { className: "row" }, copy, " ", download), element("pre", { tabIndex: 0, ariaLabel: file }, element("code", { textContent: text }))];
+  return [...warnings, element("p", {}, copy, " ", download), shown];
 }

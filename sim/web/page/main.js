@@ -37,4 +37,5 @@ const { formats } = await choices;
 logs.append(formatList(formats));
 say("");
 document.documentElement.dataset.ready = "true";
+performance.mark("ready");
 engine.end();

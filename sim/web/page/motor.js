@@ -312,5 +312,5 @@ function helpOf({ help }) {
 function commandList(commands) {
   if (!commands?.length) return null;
   return element("details", { className: "commands" }, element("summary", { textContent: "The same on the command line" }),
-    element("pre", { tabIndex: 0 }, element("code", { textContent: commands.join("\n") })));
+    element("pre", {}, element("code", { textContent: commands.join("\n") })));
 }

@@ -97,7 +97,7 @@ export class Motors {
     engine.end();
     this.#comparison.replaceChildren(...(answer.error
       ? [element("section", { className: "verdict bad", attributes: { role: "alert" } }, ...errorText(answer.error).filter(Boolean))]
-      : [sectionOf(answer.section)]));
+      : [element("div", { innerHTML: answer.verdict }), sectionOf(answer.section)]));
   }
 
   #key(event) {

@@ -23,7 +23,7 @@ export function questions({ choices, columns, options, missing = [], answered, l
   if (wanted.has("excitation")) wanted.add("period");
   const fields = [
     ...(columns.length ? [columnsField(choices, columns, options.column ?? [], missing)] : []),
-    excitationField(choices, options.excitation),
+    excitationField(choices, options.excitation, wanted.has("excitation")),
     ...Object.entries(NUMBERS).map(([name, [label, step]]) => numberField(name, label, step, options[name])),
     ...Object.entries(RANGES).map(([name, label]) => rangeField(name, label, options[name])),
     responseField(choices, options.response),
@@ -63,8 +63,9 @@ function labeled(label, control) {
   return element("label", {}, element("span", { textContent: label }), control);
 }
 
-function excitationField({ excitations }, chosen) {
-  const control = menu([["", "as the log shows"], ...excitations.map(({ name }) => [name, name])], chosen, { name: "excitation" });
+function excitationField({ excitations }, chosen, required) {
+  const open = ["", required ? "choose" : "as the log shows"];
+  const control = menu([open, ...excitations.map(({ name }) => [name, name])], chosen, { name: "excitation", required });
   return { name: "excitation", shown: labeled("What drove the command", control), value: () => control.value || null };
 }
 
@@ -120,12 +121,14 @@ function columnRow(quantity, units, columns, { header, unit, turned, isWanted })
   const which = menu([["", isWanted ? "choose" : "by its name"], ...known.map((name) => [name, name])], header, { ariaLabel: `Column of the ${quantity}` });
   const what = menu([["", "unit"], ...units.map((name) => [name, name])], unit, { ariaLabel: `Unit of the ${quantity}` });
   const sign = element("input", { type: "checkbox", checked: turned, ariaLabel: `Turn the sign of the ${quantity}` });
+  const turn = element("label", { className: "check" }, sign, " minus");
   const shown = element("div", { className: isWanted ? "column wanted" : "column" },
-    element("span", { className: "quantity", textContent: quantity }), which, what, element("label", { className: "check" }, sign, " minus"));
+    element("span", { className: "quantity", textContent: quantity }), which, what, turn);
   const adapt = () => {
-    what.required = which.value !== "";
-    what.disabled = which.value === "";
-    sign.disabled = which.value === "";
+    const isOpen = which.value === "";
+    what.required = !isOpen;
+    what.hidden = isOpen;
+    turn.hidden = isOpen;
   };
   which.addEventListener("change", adapt);
   adapt();

@@ -1,6 +1,6 @@
 // What to fly, while its natural frequency and its purpose are tried.
 
-import { element, newId } from "./element.js";
+import { element, newId, sentence } from "./element.js";
 import { showSection } from "./sections.js";
 
 const STEPS = 400;
@@ -39,7 +39,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
       next = null;
       const found = await fly(request);
       if (found && !found.error) show(found);
-      else if (found) says.replaceChildren(element("p", { className: "refused", textContent: found.error.message }));
+      else if (found) says.replaceChildren(element("p", { className: "refused" }, sentence(found.error.message)));
       // The browser draws before the next.
       await new Promise(requestAnimationFrame);
     }
@@ -49,8 +49,8 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     showSection(pictures, section);
     table.innerHTML = html;
     listTables(table);
-    says.innerHTML = words;
-    if (refused) says.prepend(element("p", { className: "refused", textContent: refused }));
+    says.innerHTML = words ?? "";
+    if (refused) says.prepend(element("p", { className: "refused" }, sentence(refused)));
   };
 
   const radios = (legend, entries, chosen, changed) => {

@@ -2,8 +2,9 @@
 
 import { element, sentence } from "./element.js";
 
-/** The tables of what `read` answered. */
+/** The tables of what `read` answered; of an experiment's folder, which says itself what it is, there is none. */
 export function takenOf({ logs, findings }) {
+  if (!logs) return null;
   const count = logs.length === 1 ? "the log" : `${logs.length} logs`;
   return element("details", { className: "taken" },
     element("summary", { textContent: `What was taken of ${count}, and why` }),
