@@ -256,7 +256,7 @@ impl Records {
     /// All records, those behind a compensator with what the ESC got.
     pub fn read_with_esc_commands(&self) -> Result<Experiment, FileError> {
         let mut experiment = self.read()?;
-        fill_in_esc_commands(&mut experiment, self.source().unwrap_or(Path::new("")))?;
+        fill_in_esc_commands(&mut experiment, self.source().unwrap_or(Path::new("")).into())?;
         Ok(experiment)
     }
 }

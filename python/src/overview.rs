@@ -36,7 +36,7 @@ pub fn overview<'py>(
         let asked = Asked { model: model.as_ref(), kind, purpose, with_diagnosis };
         let watch = Watch { stage: &|_| (), step: &|| () };
         let source = records.source().unwrap_or(Path::new(""));
-        let overview = Overview::from_experiment(&experiment, source, asked, watch)
+        let overview = Overview::from_experiment(&experiment, source.into(), asked, watch)
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("nothing was identified from `{}`", records.name()))?;
         let page = Report {

@@ -19,6 +19,7 @@ mod setup;
 mod sizes;
 mod statistics;
 mod test;
+mod web;
 
 use std::process::ExitCode;
 
@@ -31,7 +32,8 @@ Usage: cargo xtask COMMAND
            (.bin), and as Intel HEX (.hex) or UF2 (.uf2), as its board.toml says, and checks both; with --update-readme
            writes the sizes of every board's image into the page of that board;
            with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack;
-           with --python the wheel of the Python package, in target/wheels
+           with --python the wheel of the Python package, in target/wheels;
+           with --web the web page, in target/web, which any host of files serves
   emulate  [--board NAME] [PORT] runs that image in its emulator, with its link on a TCP port; an RP2040 with four motors
            whose ESCs answer, for `rotorlead device tune`
   flash    flashes that image with a debug probe, and shows its log
@@ -97,6 +99,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["build", "--board", name] => Box::new(move || firmware::build(board::named(name)?).map(drop)),
         ["build", "--c"] => Box::new(c_interface::build),
         ["build", "--python"] => Box::new(python::build),
+        ["build", "--web"] => Box::new(web::build),
         ["build", "--update-readme"] => Box::new(firmware::state_sizes),
         ["emulate"] => Box::new(|| firmware::emulate(board::default()?, emulator::DEFAULT_PORT)),
         ["emulate", "--board", name] => {

@@ -10,7 +10,7 @@ use ::emulator::rp2040;
 
 use crate::board;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
-use crate::{apt, emulator, python_environment};
+use crate::{apt, emulator, python_environment, web};
 
 /// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
 pub const SMALLEST_CORE: &str = "thumbv6m-none-eabi";
@@ -124,7 +124,7 @@ fn needs() -> Result<Vec<Need>> {
     };
     let mut needs = vec![component("rustfmt", "fmt"), component("clippy", "clippy")];
     let boards = board::all()?.iter().map(|board| board.target.as_str());
-    needs.extend(boards.chain([SMALLEST_CORE]).collect::<BTreeSet<_>>().into_iter().map(target));
+    needs.extend(boards.chain([SMALLEST_CORE, web::TARGET]).collect::<BTreeSet<_>>().into_iter().map(target));
     needs.push(Need {
         name: emulator_name(),
         is_there: Box::new(has_emulator),

@@ -8,8 +8,8 @@ use rotorlead_cli::Arguments;
 
 use crate::stand::{Stand, flowing, program, report};
 
-/// Commands without `--json`: what they print is a script or a page.
-const WITHOUT_JSON: [&str; 2] = ["completions", "man"];
+/// Commands without `--json`: what they print is a script, a page or an address.
+const WITHOUT_JSON: [&str; 3] = ["completions", "man", "serve"];
 
 /// Every command that the program has.
 fn commands() -> Vec<String> {

@@ -57,7 +57,7 @@ impl Diagnose {
         let model = self.model.as_deref().map(Model::read).transpose()?;
         let folder = &self.experiment;
         let mut experiment = Experiment::read(folder)?;
-        fill_in_esc_commands(&mut experiment, folder)?;
+        fill_in_esc_commands(&mut experiment, folder.as_path().into())?;
         if let Some(out) = &self.out_model {
             check_writable(out)?;
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rotorlead_answer::Report;
-use rotorlead_assess::fleet::{FleetMember, FleetParameter, LogFilePoint, compare};
+use rotorlead_assess::fleet::{FleetMember, FleetParameter, compare};
 use rotorlead_plant::Model;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{FLEET_LIST, FleetList, FleetLog, Output};
@@ -87,14 +87,11 @@ impl Fleet {
 fn read(fleet: &Path, listed: &FleetLog) -> Read {
     let folder = listed.path(fleet);
     let mut notes = Vec::new();
-    let (mut points, mut output) = (Vec::new(), None);
+    let mut log = FleetMember { motor: listed.motor.clone(), day: listed.day(), points: Vec::new() };
+    let mut output = None;
     match Model::read_with_map_alone(&folder.join(MODEL)) {
         Ok(model) => {
-            points.extend(model.points.iter().filter(|point| point.gain != 0.0).map(|point| LogFilePoint {
-                nominal: point.nominal,
-                time_constant_s: point.time_constant_s,
-                gain: point.gain,
-            }));
+            log = FleetMember::new(log.motor, log.day, &model);
             if model.points.is_empty() {
                 notes.push(format!("{MODEL} has a static map, and no lag"));
             }
@@ -114,7 +111,7 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
             note: notes.join(", "),
             esc_ramp,
         },
-        log: FleetMember { motor: listed.motor.clone(), day: listed.day(), points },
+        log,
         output,
     }
 }

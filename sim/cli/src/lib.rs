@@ -35,6 +35,7 @@ mod replacement;
 mod report;
 mod report_option;
 mod report_pages;
+mod serve;
 mod simulate;
 mod usage_error;
 mod validate;
@@ -138,6 +139,7 @@ commands! {
     Fleet(fleet::Fleet), answers, "rotorlead fleet logs";
     Report(report::ReportCommand), answers, "rotorlead report log.csv --excitation staircase";
     Device(device::Device), says, "rotorlead device --port /dev/ttyUSB0 info";
+    Serve(serve::Serve), prints, "rotorlead serve";
     Completions(completions::Completions), prints, "rotorlead completions bash";
     Man(man::Man), prints, "rotorlead man --out man";
 }

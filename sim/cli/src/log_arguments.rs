@@ -10,7 +10,7 @@ use rotorlead_answer::{Cell, Column, Table};
 use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, EXCITATIONS, ImportError, ImportOptions, ImportSummary, MissingOption, OptionsFault,
-    import, import_motors,
+    import, import_motors, import_seconds, motor_poles,
 };
 use rotorlead_records::{Excitation, Output};
 use rotorlead_results::Logs;
@@ -19,9 +19,6 @@ use super::UsageError;
 use super::parameters::{number, range};
 use super::report_option::this_command_with;
 use rotorlead_answer::words::{remark, width, wrapped};
-
-/// Poles that a motor may have. Chosen: twice those of the largest motors of multicopters, 42 and more of which have their name from it.
-const MOST_POLES: u32 = 100;
 
 /// What is in a log, for every command that reads one.
 #[derive(Args, Debug)]
@@ -53,14 +50,14 @@ pub struct LogArguments {
     #[arg(long, value_name = "COMMAND", value_parser = number(AcceptedRange::AMPLITUDE), allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Which part of the log to take, in seconds from its first row; all of it unless given
-    #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
+    #[arg(long, value_name = "FROM..TO", value_parser = import_seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
     /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, or what
     /// the log's own parameters say
     #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
     /// How many poles the motor has, which a speed in electrical revolutions needs: the magnets of its rotor
-    #[arg(long, value_name = "N", value_parser = poles)]
+    #[arg(long, value_name = "N", value_parser = motor_poles)]
     motor_poles: Option<u32>,
     /// How many rows a second a table without times has, evenly spaced
     #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_negative_numbers = true)]
@@ -255,24 +252,12 @@ fn describe(summary: &ImportSummary) -> String {
     text
 }
 
-/// A number of magnets, of which each second one is a north pole.
-fn poles(text: &str) -> Result<u32, String> {
-    let poles = text.parse().ok().filter(|poles: &u32| (2..=MOST_POLES).contains(poles) && poles.is_multiple_of(2));
-    poles.ok_or_else(|| format!("`{text}` is no number of poles: even, from 2 to {MOST_POLES}"))
-}
-
-/// [`range`] of seconds after a first row.
-fn seconds(text: &str) -> Result<(f64, f64), String> {
-    match range(AcceptedRange::TIME_S)(text)? {
-        (from, _) if from < 0.0 => Err(String::from("nothing is before the first row, which is at 0 seconds")),
-        range => Ok(range),
-    }
-}
-
 /// The names of the two responses.
 pub fn responses() -> impl clap::builder::TypedValueParser<Value = Output> {
-    PossibleValuesParser::new(["thrust", "rpm"])
-        .map(|name| if name == "thrust" { Output::ThrustN } else { Output::Rpm })
+    let all = [Output::ThrustN, Output::Rpm];
+    PossibleValuesParser::new(all.map(Output::option)).map(move |name| {
+        all.into_iter().find(|output| output.option() == name).expect("the parser knows these names alone")
+    })
 }
 
 fn excitations() -> impl clap::builder::TypedValueParser<Value = Excitation> {

@@ -157,20 +157,12 @@ impl SettingName {
 
 /// A number of that range: what options accept is stated where it is for the keys of files.
 pub fn number(quantity: AcceptedRange) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
-    move |text| {
-        let value = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
-        quantity.accept_given(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
-    }
+    move |text| quantity.parse(text)
 }
 
 /// `LOW..HIGH`, both numbers of that range, the first lower.
 pub fn range(quantity: AcceptedRange) -> impl Fn(&str) -> Result<(f64, f64), String> + Clone + Send + Sync + 'static {
-    move |text| {
-        let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
-        let (low, high) = text.split_once("..").ok_or_else(remedy)?;
-        let (low, high) = (number(quantity)(low)?, number(quantity)(high)?);
-        if low < high { Ok((low, high)) } else { Err(remedy()) }
-    }
+    move |text| quantity.parse_pair(text)
 }
 
 #[cfg(test)]

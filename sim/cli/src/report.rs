@@ -70,7 +70,7 @@ impl ReportCommand {
         let watch = Watch { stage: &|stage| bar.set_message(stage), step: &|| progress::step(&bar) };
         // What was found in a log may say why nothing comes of it.
         let folder = self.measured.path();
-        let overview = Overview::from_experiment(&experiment, folder, asked, watch)
+        let overview = Overview::from_experiment(&experiment, folder.into(), asked, watch)
             .map_err(|error| not_identified(error, is_log(folder)))
             .wrap_err_with(|| format!("nothing was identified from `{}`", folder.display()))
             .inspect_err(|_| eprint!("{}", printable(&of_log)))?;

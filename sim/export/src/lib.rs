@@ -4,6 +4,7 @@
 //! where the model or the records cannot tell it.
 
 mod betaflight;
+mod c_header;
 mod definition;
 mod files;
 mod fit;
@@ -24,6 +25,7 @@ use rotorlead_records::Experiment;
 use serde::Serialize;
 
 pub use betaflight::{FirmwareRelease, ThrustLinear};
+pub use c_header::c_header;
 use definition::StackParameter;
 pub use definition::{Definition, Stack};
 pub use files::{

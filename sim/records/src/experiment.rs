@@ -50,6 +50,15 @@ impl Output {
             Self::Rpm => "rpm",
         }
     }
+
+    /// What options call it.
+    #[must_use]
+    pub fn option(self) -> &'static str {
+        match self {
+            Self::ThrustN => "thrust",
+            Self::Rpm => "rpm",
+        }
+    }
 }
 
 /// What drives a record.

@@ -8,7 +8,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::manifest::{CommandKind, Entry, Manifest};
 use super::read::{check_files, manifest_path};
 use super::{Experiment, Record};
-use crate::files::{AcceptedRange, FileError, TomlFile};
+use crate::files::{AcceptedRange, FileError, InputFolder, TomlFile};
 
 /// What a folder holds, and what in it cannot be read.
 #[derive(Debug)]
@@ -88,7 +88,7 @@ impl Experiment {
             manifest.records.into_iter().enumerate().filter(|(index, _)| !faulty.contains(index)).collect();
         let read: Vec<Result<Record, Unreadable>> = entries
             .into_par_iter()
-            .map(|(index, entry)| experiment.inspect_record(folder, index, entry, kind, &file))
+            .map(|(index, entry)| experiment.inspect_record(folder.into(), index, entry, kind, &file))
             .collect();
         for record in read {
             match record {
@@ -101,7 +101,7 @@ impl Experiment {
 
     fn inspect_record(
         &self,
-        folder: &Path,
+        folder: InputFolder,
         index: usize,
         entry: Entry,
         kind: CommandKind,
@@ -109,7 +109,7 @@ impl Experiment {
     ) -> Result<Record, Unreadable> {
         let file = Some(entry.file.clone());
         if let Err(error) = check_files(folder, index, &entry, manifest) {
-            let is_there = folder.join(&entry.file).exists();
+            let is_there = folder.has(&entry.file);
             return Err(Unreadable { is_there, ..Unreadable::new(file, error) });
         }
         self.read_record(folder, entry.clone(), kind, true, manifest).map_err(|error| {

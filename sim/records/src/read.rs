@@ -8,7 +8,7 @@ use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{CommandLog, Excitation, Experiment, LongRecord, Output, Record};
-use crate::files::{FileError, TextFile, TomlFile, checksum_of_files};
+use crate::files::{FileError, FilesInMemory, InputFolder, TextFile, TomlFile, checksum_of_files};
 
 impl Experiment {
     /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
@@ -21,6 +21,14 @@ impl Experiment {
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
         Self::read_kind(folder, CommandKind::Duty, true)
+    }
+
+    /// As [`Self::read`], of the files of a folder.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn from_files(files: &FilesInMemory) -> Result<Self, FileError> {
+        Self::read_all(files.into(), CommandKind::Duty, true, u64::MAX).map(|(experiment, _)| experiment)
     }
 
     /// The experiment that the text of an `experiment.toml` describes, its records without their columns. With those,
@@ -43,10 +51,15 @@ impl Experiment {
         if source.is_file() {
             return checksum_of_files([source.to_owned()]);
         }
-        let manifest = source.join(MANIFEST);
-        let (described, _) = Manifest::parse(TextFile::read(&manifest).ok()?).ok()?;
+        Self::checksum_in(source.into())
+    }
+
+    /// [`Self::checksum`] of a folder.
+    #[must_use]
+    pub fn checksum_in(folder: InputFolder) -> Option<String> {
+        let (described, _) = Manifest::parse(folder.text(MANIFEST).ok()?).ok()?;
         let named = described.records.iter().flat_map(|entry| [Some(&entry.file), entry.command_file.as_ref()]);
-        checksum_of_files([manifest].into_iter().chain(named.flatten().map(|file| source.join(file))))
+        folder.checksum(std::iter::once(MANIFEST).chain(named.flatten().map(String::as_str)))
     }
 
     /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:
@@ -58,7 +71,7 @@ impl Experiment {
     /// # Errors
     /// As [`Self::read`]; what is wrong with the rows that were not read shows when they are.
     pub fn read_except_long(folder: &Path, longest: u64) -> Result<(Self, Vec<LongRecord>), FileError> {
-        Self::read_all(folder, CommandKind::Duty, true, longest)
+        Self::read_all(folder.into(), CommandKind::Duty, true, longest)
     }
 
     /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
@@ -84,31 +97,31 @@ impl Experiment {
     }
 
     fn read_kind(folder: &Path, kind: CommandKind, with_command: bool) -> Result<Self, FileError> {
-        Self::read_all(folder, kind, with_command, u64::MAX).map(|(experiment, _)| experiment)
+        Self::read_all(folder.into(), kind, with_command, u64::MAX).map(|(experiment, _)| experiment)
     }
 
     fn read_all(
-        folder: &Path,
+        folder: InputFolder,
         kind: CommandKind,
         with_command: bool,
         longest: u64,
     ) -> Result<(Self, Vec<LongRecord>), FileError> {
-        let path = manifest_path(folder)?;
-        let (manifest, file) = Manifest::parse(TextFile::read(&path)?)?;
+        let (manifest, file) = Manifest::parse(manifest_text(folder)?)?;
         manifest.check_command(kind).map_err(|fault| file.show(&fault))?;
         for (index, entry) in manifest.records.iter().enumerate() {
             check_files(folder, index, entry, &file)?;
         }
         let mut experiment = manifest.to_experiment();
         let is_long = |entry: &Entry| {
-            let length = folder.join(&entry.file).metadata().map_or(0, |file| file.len());
-            entry.excitation == Excitation::Multisine && length > longest && entry.command_file.is_none()
+            entry.excitation == Excitation::Multisine
+                && folder.length(&entry.file) > longest
+                && entry.command_file.is_none()
         };
         let (long, short): (Vec<_>, Vec<_>) = manifest.records.into_iter().partition(is_long);
         let long = long
             .into_iter()
             .map(|entry| LongRecord {
-                path: folder.join(&entry.file),
+                path: folder.path(&entry.file),
                 header: entry.into_record(),
                 output: experiment.output,
                 stated_hz: experiment.sample_rate_hz,
@@ -125,7 +138,7 @@ impl Experiment {
 
     pub(super) fn read_record(
         &self,
-        folder: &Path,
+        folder: InputFolder,
         entry: Entry,
         kind: CommandKind,
         with_command: bool,
@@ -142,12 +155,12 @@ impl Experiment {
     /// The rows of a record, whatever their times are, and the table that they were taken from.
     pub(super) fn read_rows(
         &self,
-        folder: &Path,
+        folder: InputFolder,
         entry: Entry,
         kind: CommandKind,
         with_command: bool,
     ) -> Result<(Table, Record), FileError> {
-        let text = TextFile::read(&folder.join(&entry.file))?;
+        let text = folder.text(&entry.file)?;
         let response = Column::for_output(self.output);
         let is_in_rows = with_command && entry.command_file.is_none();
         let needed: &[Column] =
@@ -168,8 +181,13 @@ impl Experiment {
 }
 
 /// The command log of a record whose first row is at `first_s`.
-fn read_own_stamps(folder: &Path, name: String, kind: CommandKind, first_s: f64) -> Result<CommandLog, FileError> {
-    let text = TextFile::read(&folder.join(&name))?;
+fn read_own_stamps(
+    folder: InputFolder,
+    name: String,
+    kind: CommandKind,
+    first_s: f64,
+) -> Result<CommandLog, FileError> {
+    let text = folder.text(&name)?;
     let mut table = Table::read(text, &[Column::TimeS, Column::Command], kind)?;
     let (time_s, command) = (table.take(Column::TimeS), table.take(Column::Command));
     table.check_start(first_s, time_s[0])?;
@@ -212,6 +230,14 @@ pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
     Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command), thrust_n, rpm })
 }
 
+/// The text of a folder's `experiment.toml`.
+fn manifest_text(folder: InputFolder) -> Result<TextFile, FileError> {
+    match folder {
+        InputFolder::OnDisk(folder) => TextFile::read(&manifest_path(folder)?),
+        InputFolder::InMemory(_) => folder.text(MANIFEST),
+    }
+}
+
 pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
     if folder.is_file() {
         let mut remedy = String::from("give the folder that holds experiment.toml");
@@ -239,18 +265,16 @@ pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileErr
 }
 
 /// Shows a file that is named but not there where it is named.
-pub(super) fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
+pub(super) fn check_files(folder: InputFolder, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
     let named = [
         ("file", Some(&entry.file)),
         ("command_file", entry.command_file.as_ref()),
         ("compensator", entry.compensator.as_ref()),
     ];
     for (key, name) in named {
-        if let Some(path) = name.map(|name| folder.join(name))
-            && !path.exists()
-        {
+        if let Some(name) = name.filter(|name| !folder.has(name)) {
             let fault = place(index).key(key).fault(
-                format!("`{}` does not exist", path.display()),
+                format!("`{}` does not exist", folder.path(name).display()),
                 "correct the name, or put the file there; a record that is not to be made is taken out",
             );
             return Err(file.show(&fault));

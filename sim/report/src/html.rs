@@ -10,6 +10,7 @@ use base64::Engine as _;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use rotorlead_answer::{Fact, Figure, Panel, Report, Section, Table, Tone, Verdict};
+use serde::Serialize;
 use serde_json::Value;
 
 use swatch::swatch;
@@ -22,6 +23,7 @@ use crate::markup::escape_markup;
 
 /// How the page looks, and what it does.
 const STYLE: &str = include_str!("../templates/report.css");
+const FIGURES: &str = include_str!("../templates/figures.js");
 const SCRIPT: &str = include_str!("../templates/report.js");
 
 /// Tables with more rows are folded.
@@ -33,9 +35,14 @@ const AGAIN: &str = "In the folder where this was run, with the same version. Th
 #[derive(Template)]
 #[template(path = "report.html")]
 struct Page<'a> {
-    report: Drawn<'a>,
+    report: &'a Report,
+    verdict: DrawnVerdict<'a>,
+    sections: Vec<DrawnSection<'a>>,
+    warnings: DrawnWarnings<'a>,
+    done: Done<'a>,
     version: &'static str,
     style: &'static str,
+    figures: &'static str,
     script: &'static str,
     again: &'static str,
     license: &'static str,
@@ -44,22 +51,39 @@ struct Page<'a> {
     plots: String,
 }
 
-/// A report whose figures are drawn.
-struct Drawn<'a> {
-    kind: &'a str,
-    title: &'a str,
+#[derive(Template)]
+#[template(path = "verdict.html")]
+struct DrawnVerdict<'a> {
     verdict: &'a Verdict,
-    facts: &'a [Fact],
-    warnings: &'a [String],
-    sections: Vec<DrawnSection<'a>>,
-    commands: &'a [String],
 }
 
+#[derive(Template)]
+#[template(path = "warnings.html")]
+struct DrawnWarnings<'a> {
+    warnings: &'a [String],
+}
+
+/// What was done: the facts of a report.
+#[derive(Template)]
+#[template(path = "done.html")]
+struct Done<'a> {
+    facts: &'a [Fact],
+}
+
+#[derive(Template)]
+#[template(path = "table.html")]
+struct DrawnTable<'a> {
+    table: &'a Table,
+}
+
+/// A section whose figures are drawn.
+#[derive(Template)]
+#[template(path = "section.html")]
 struct DrawnSection<'a> {
     name: &'a str,
     title: &'a str,
     text: &'a [String],
-    tables: &'a [Table],
+    tables: Vec<DrawnTable<'a>>,
     figures: Vec<DrawnFigure<'a>>,
 }
 
@@ -67,7 +91,8 @@ impl<'a> DrawnSection<'a> {
     fn new(section: &'a Section, still: Still) -> Result<Self, FigureError> {
         let drawn = |figure| Ok(DrawnFigure { figure, still: still(figure)? });
         let figures = section.figures.iter().map(drawn).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { name: &section.name, title: &section.title, text: &section.text, tables: &section.tables, figures })
+        let tables = section.tables.iter().map(|table| DrawnTable { table }).collect();
+        Ok(Self { name: &section.name, title: &section.title, text: &section.text, tables, figures })
     }
 }
 
@@ -104,7 +129,8 @@ impl<'a> DrawnFigure<'a> {
 }
 
 /// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
-fn words(sentence: &str) -> String {
+#[must_use]
+pub fn words(sentence: &str) -> String {
     let escaped = escape_markup(sentence).replace("+-", "±");
     let mut parts = escaped.split('`');
     let mut html = whole_options(parts.next().unwrap_or_default());
@@ -171,24 +197,90 @@ pub fn html_with_stills(report: &Report, still: Still) -> Result<String, FigureE
     let figures = || report.sections.iter().flat_map(|section| &section.figures);
     let plots = figures().map(plots).collect::<Result<Vec<_>, _>>()?.concat();
     let page = Page {
-        report: Drawn {
-            kind: &report.kind,
-            title: &report.title,
-            verdict: &report.verdict,
-            facts: &report.facts,
-            warnings: &report.warnings,
-            sections,
-            commands: &report.commands,
-        },
+        report,
+        verdict: DrawnVerdict { verdict: &report.verdict },
+        sections,
+        warnings: DrawnWarnings { warnings: &report.warnings },
+        done: Done { facts: &report.facts },
         version: env!("CARGO_PKG_VERSION"),
         style: STYLE,
+        figures: FIGURES,
         script: SCRIPT,
         again: AGAIN,
         license: LICENSE,
         library: LIBRARY,
         plots: if plots.is_empty() { String::new() } else { packed(&Value::from(plots)) },
     };
-    page.render().map_err(|error| FigureError::Drawing { name: report.title.clone(), reason: error.to_string() })
+    rendered(&page, &report.title)
+}
+
+/// A template, filled in.
+fn rendered(template: &impl Template, name: &str) -> Result<String, FigureError> {
+    template.render().map_err(|error| FigureError::Drawing { name: name.to_owned(), reason: error.to_string() })
+}
+
+/// A report in parts, for a page that is there already. Its style is that of the one file, its figures are drawn by `figures.js`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Fragments {
+    /// The verdict, as HTML.
+    pub verdict: String,
+    /// The sections in their order.
+    pub sections: Vec<Fragment>,
+    /// The warnings, as HTML; empty where there are none.
+    pub warnings: String,
+    /// What was done, as HTML.
+    pub done: String,
+}
+
+/// One section of a report.
+#[derive(Debug, Clone, Serialize)]
+pub struct Fragment {
+    /// The section's, which is the `id` of its element too.
+    pub name: String,
+    /// Its heading.
+    pub title: String,
+    /// Its element.
+    pub html: String,
+    /// What `drawFigures` draws in it: a plot for each panel.
+    pub plots: Vec<Value>,
+}
+
+impl Fragment {
+    /// A section without the pictures that stand in for interactive figures.
+    ///
+    /// # Errors
+    /// When a figure cannot be drawn.
+    pub fn new(section: &Section) -> Result<Self, FigureError> {
+        let drawn = DrawnSection::new(section, &|_| Ok(String::new()))?;
+        let plots = section.figures.iter().map(plots).collect::<Result<Vec<_>, _>>()?.concat();
+        let html = rendered(&drawn, &section.name)?;
+        Ok(Self { name: section.name.clone(), title: section.title.clone(), html, plots })
+    }
+}
+
+/// The parts of a report.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn fragments(report: &Report) -> Result<Fragments, FigureError> {
+    let warnings = match &*report.warnings {
+        [] => String::new(),
+        warnings => rendered(&DrawnWarnings { warnings }, &report.title)?,
+    };
+    Ok(Fragments {
+        verdict: rendered(&DrawnVerdict { verdict: &report.verdict }, &report.title)?,
+        sections: report.sections.iter().map(Fragment::new).collect::<Result<_, _>>()?,
+        warnings,
+        done: rendered(&Done { facts: &report.facts }, &report.title)?,
+    })
+}
+
+/// A table as HTML, with its notes.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn table_html(table: &Table) -> Result<String, FigureError> {
+    rendered(&DrawnTable { table }, &table.caption)
 }
 
 #[cfg(test)]

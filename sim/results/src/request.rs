@@ -166,7 +166,7 @@ impl DesignRequest {
         if let Some(kind) = self.kind() {
             return Ok(self.choose(kind, model));
         }
-        let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s };
+        let asked = Asked { damping: self.damping, slew_per_s: self.slew_per_s, ..Asked::default() };
         let found = || recommend(model, model.judgement().and_then(Judgement::doubt), &asked);
         let recommendation = known.map_or_else(found, Ok)?;
         let choice = recommendation.choice(purpose);

@@ -153,6 +153,8 @@ pub struct Asked {
     pub damping: Option<f64>,
     /// Most by which the ESC changes its output per second.
     pub slew_per_s: Option<f64>,
+    /// Natural frequency of the one inverse that is compared, in place of the usual ones.
+    pub natural_rad_s: Option<f64>,
 }
 
 /// What to fly on the motor of `model`: nothing where there is a `doubt`.
@@ -169,7 +171,8 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
     let points: Vec<Point> = model.points.iter().map(alike).collect();
     let lags = Model { points, static_map: None, effects: Vec::new(), ..model.clone() };
     let case = MotorInVehicle { airframe: airframe(&lags), rotor: Rotor::new(&lags)?, model: &lags };
-    let inverses = Actuators::default().inverse_rad_s.into_iter();
+    let usual = || Actuators::default().inverse_rad_s.to_vec();
+    let inverses = asked.natural_rad_s.map_or_else(usual, |natural| vec![natural]).into_iter();
     let inverses = inverses.map(|omega_f_rad_s| MotorControlKind::Inverse { omega_f_rad_s });
     let (mut designed, mut refused) = (vec![(MotorControlKind::None, None)], Vec::new());
     for kind in std::iter::once(MotorControlKind::Lead).chain(inverses) {
@@ -193,7 +196,7 @@ pub fn recommend(model: &Model, doubt: Option<&str>, asked: &Asked) -> Result<Re
 /// What a design is asked for; `None` for what is not designed.
 #[must_use]
 pub fn design_options(kind: MotorControlKind, asked: &Asked) -> Option<KindOptions> {
-    let Asked { damping, slew_per_s } = *asked;
+    let Asked { damping, slew_per_s, .. } = *asked;
     match kind {
         MotorControlKind::None | MotorControlKind::SpeedFeedback { .. } => None,
         MotorControlKind::Lead => {

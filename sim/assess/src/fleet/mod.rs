@@ -9,6 +9,8 @@ mod drift;
 mod outlying;
 mod ramps;
 
+use rotorlead_plant::Model;
+
 pub use compare::{Comparison, FewLogs, LogFileDeviation, MotorDeviation, compare};
 pub use drift::Drift;
 pub use outlying::{FEWEST_SCORED, OUTLIER_Z_SCORE};
@@ -35,6 +37,20 @@ pub struct FleetMember {
     pub day: Option<f64>,
     /// What was found, by nominal command.
     pub points: Vec<LogFilePoint>,
+}
+
+impl FleetMember {
+    /// What a model says of a motor.
+    #[must_use]
+    pub fn new(motor: String, day: Option<f64>, model: &Model) -> Self {
+        let with_gain = model.points.iter().filter(|point| point.gain != 0.0);
+        let points = with_gain.map(|point| LogFilePoint {
+            nominal: point.nominal,
+            time_constant_s: point.time_constant_s,
+            gain: point.gain,
+        });
+        Self { motor, day, points: points.collect() }
+    }
 }
 
 /// A log at one command.

@@ -1,10 +1,8 @@
 //! Compensated records that do not hold the command to the ESC: the compensator is then part of the chain.
 
-use std::path::Path;
-
 use rotorlead::throttle::Command;
 use rotorlead_plant::CompensatorDesign;
-use rotorlead_records::files::FileError;
+use rotorlead_records::files::{FileError, InputFolder};
 use rotorlead_records::{Experiment, Record};
 
 /// Gives each compensated record without `esc_command` the one that the compensator that it names makes of its `command`, by the
@@ -13,13 +11,13 @@ use rotorlead_records::{Experiment, Record};
 ///
 /// # Errors
 /// [`FileError`] where a compensator's file cannot be read, or another program wrote it.
-pub fn fill_in_esc_commands(experiment: &mut Experiment, folder: &Path) -> Result<(), FileError> {
+pub fn fill_in_esc_commands(experiment: &mut Experiment, folder: InputFolder) -> Result<(), FileError> {
     for record in &mut experiment.records {
-        let Some(name) = record.compensator.clone().filter(|_| record.compensated && record.esc_command.is_none())
+        let Some(name) = record.compensator.as_deref().filter(|_| record.compensated && record.esc_command.is_none())
         else {
             continue;
         };
-        let design = CompensatorDesign::read(&folder.join(name))?;
+        let design = CompensatorDesign::parse(folder.text(&name.to_string_lossy())?)?;
         let first = record.command.first().copied().unwrap_or_default();
         let mut compensator = design.running(Command::saturating_from_f64(first));
         let applied = filtered(record, design.loop_rate_hz(), |input| {
@@ -70,11 +68,11 @@ mod tests {
         let step: Vec<f64> = (0..400).map(|row| if row < 100 { 0.4 } else { 0.45 }).collect();
         let still = vec![1.0; step.len()];
         let mut experiment = experiment(500.0, vec![record(500.0, None, step, still)]);
-        fill_in_esc_commands(&mut experiment, scratch.path()).unwrap();
+        fill_in_esc_commands(&mut experiment, scratch.path().into()).unwrap();
         assert_eq!(experiment.records[0].esc_command, None, "it is not compensated");
         experiment.records[0].compensated = true;
         experiment.records[0].compensator = Some("compensator.toml".into());
-        fill_in_esc_commands(&mut experiment, scratch.path()).unwrap();
+        fill_in_esc_commands(&mut experiment, scratch.path().into()).unwrap();
         let applied = experiment.records[0].esc_command.clone().unwrap();
         assert!(applied[..100].iter().all(|u| (u - 0.4).abs() < 1e-5), "{applied:?}");
         // It leads, and comes to rest at the command.
@@ -85,6 +83,6 @@ mod tests {
         assert!((applied[399] - 0.45).abs() < 1e-4, "{}", applied[399]);
         experiment.records[0].esc_command = None;
         experiment.records[0].compensator = Some("other.toml".into());
-        assert!(fill_in_esc_commands(&mut experiment, scratch.path()).is_err());
+        assert!(fill_in_esc_commands(&mut experiment, scratch.path().into()).is_err());
     }
 }

@@ -23,6 +23,26 @@ const fn quantity(keys: &'static [&'static str], least: f64, greatest: f64, reas
 }
 
 impl AcceptedRange {
+    /// A number of this range as it is typed.
+    ///
+    /// # Errors
+    /// Where it is none, in a sentence with what to do.
+    pub fn parse(&self, text: &str) -> Result<f64, String> {
+        let value = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+        self.accept_given(value).map(|()| value).map_err(|(message, help)| format!("{message}; {help}"))
+    }
+
+    /// `LOW..HIGH`, both numbers of this range, the first lower.
+    ///
+    /// # Errors
+    /// As [`Self::parse`].
+    pub fn parse_pair(&self, text: &str) -> Result<(f64, f64), String> {
+        let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
+        let (low, high) = text.split_once("..").ok_or_else(remedy)?;
+        let (low, high) = (self.parse(low)?, self.parse(high)?);
+        if low < high { Ok((low, high)) } else { Err(remedy()) }
+    }
+
     /// The times of a record's rows.
     pub const TIME_S: Self =
         quantity(&["time_s"], -1e12, 1e12, "seconds; stamps of an epoch in nanoseconds lose their digits");

@@ -13,6 +13,14 @@ pub fn checksum(bytes: &[u8]) -> String {
     written(crc32fast::hash(bytes))
 }
 
+/// [`checksum`] of parts, one behind the other.
+#[must_use]
+pub fn checksum_of(parts: &[&[u8]]) -> String {
+    let mut sum = crc32fast::Hasher::new();
+    parts.iter().for_each(|part| sum.update(part));
+    written(sum.finalize())
+}
+
 /// [`checksum`] of files, one behind the other; `None` where they are none, or one cannot be read.
 #[must_use]
 pub fn checksum_of_files(files: impl IntoIterator<Item = PathBuf>) -> Option<String> {
@@ -47,6 +55,7 @@ mod tests {
     fn files_have_the_checksum_of_their_bytes_one_behind_the_other() {
         // The check value of CRC-32.
         assert_eq!(checksum(b"123456789"), "cbf43926");
+        assert_eq!(checksum_of(&[b"1234", b"56789"]), "cbf43926");
         let scratch = Scratch::new();
         let (first, second) = (scratch.file("a", "1234"), scratch.file("b", "56789"));
         assert_eq!(checksum_of_files([first.clone(), second]).unwrap(), "cbf43926");

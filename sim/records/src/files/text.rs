@@ -46,7 +46,14 @@ impl TextFile {
         if path.is_dir() {
             return Err(FileError::NotAFile { path: path.to_owned() });
         }
-        let bytes = read_up_to(path, LONGEST_TEXT)?;
+        Self::from_bytes(path, read_up_to(path, LONGEST_TEXT)?)
+    }
+
+    /// [`Self::read`] of a file whose bytes are in memory.
+    ///
+    /// # Errors
+    /// When it is not UTF-8 or holds nothing but white space.
+    pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self, FileError> {
         let file = Self::part(path, bytes, 0, 0)?;
         if file.text.trim().is_empty() {
             return Err(FileError::Empty { path: path.to_owned() });

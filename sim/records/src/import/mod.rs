@@ -29,6 +29,7 @@ mod stamps;
 mod summary;
 mod table;
 mod tare;
+mod typed;
 mod ulog;
 mod ulog_messages;
 mod unused;
@@ -44,6 +45,7 @@ pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
+pub use typed::{IMPORT_OPTIONS, import_seconds, motor_poles};
 pub use unused::OptionsFault;
 
 use super::{CommandLog, Excitation, Experiment, Output, Record, Setpoints};
@@ -267,6 +269,14 @@ fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, Imp
     let mut taken = take_text(file, &text, options)?;
     taken.summary.notes.extend(encoding.map(|encoding| format!("the log is {encoding} text, and was read as such")));
     Ok(taken)
+}
+
+/// The names of the columns of a table of text, for who has to say what they are; none of anything else.
+#[must_use]
+pub fn table_columns(file: &Path, bytes: &[u8]) -> Vec<String> {
+    let text = foreign::text(file, bytes).ok();
+    let plain = text.as_ref().and_then(|(text, _)| PlainTable::parse(file, text).ok());
+    plain.map_or_else(Vec::new, |plain| plain.table.header.iter().map(ToString::to_string).collect())
 }
 
 fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, ImportError> {

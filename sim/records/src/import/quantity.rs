@@ -36,8 +36,8 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    pub(super) const ALL: [Self; 6] =
-        [Self::Time, Self::Command, Self::Thrust, Self::Speed, Self::Voltage, Self::Current];
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Time, Self::Command, Self::Thrust, Self::Speed, Self::Voltage, Self::Current];
 
     /// What `--column` calls it.
     #[must_use]
@@ -76,6 +76,11 @@ impl Quantity {
             Self::Voltage => "V or mV",
             Self::Current => "A or mA",
         }
+    }
+
+    /// Its units, by the name that `--column` takes for each.
+    pub fn unit_names(self) -> impl Iterator<Item = &'static str> {
+        UNITS.iter().filter(move |unit| unit.quantity == self).map(|unit| unit.name)
     }
 
     /// Names that say what a column measures, in small letters, words apart.

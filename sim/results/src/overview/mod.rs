@@ -4,8 +4,6 @@ mod words;
 
 pub use words::lags;
 
-use std::path::Path;
-
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 use rotorlead_answer::Answer;
 use rotorlead_assess::{Assessment, AssessmentContext, assess};
@@ -18,7 +16,8 @@ use rotorlead_identify::identification::IdentifyOptions;
 use rotorlead_identify::lag::multisine::PeriodicIdentification;
 use rotorlead_plant::bench::PAPER_AMPLITUDE;
 use rotorlead_plant::effect::transport_delay;
-use rotorlead_plant::{ActiveEffect, Catalog, Effect, Model};
+use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Model};
+use rotorlead_records::files::InputFolder;
 use rotorlead_records::{Experiment, Finding, Topic};
 use rotorlead_vehicle::Purpose;
 
@@ -65,8 +64,10 @@ pub struct Overview {
     pub assessment: Assessment,
     /// What was to be designed.
     pub options: Part<KindOptions>,
-    /// The compensator.
+    /// The compensator's design.
     pub designed: Part<Answer>,
+    /// What of it runs, where it was designed.
+    pub compensator: Option<CompensatorDesign>,
     /// What is missing in the model; `None` where that was not asked.
     pub diagnosed: Option<Part<Diagnosis>>,
     /// What is wrong with the records.
@@ -86,7 +87,7 @@ impl Overview {
     /// What is wrong with the records, where neither a model is given nor one can be identified.
     pub fn from_experiment(
         experiment: &Experiment,
-        folder: &Path,
+        folder: InputFolder,
         asked: Asked,
         watch: Watch,
     ) -> Result<Self, IdentifyError> {
@@ -127,6 +128,7 @@ impl Overview {
             assessment,
             options: Err(String::new()),
             designed: Err(String::new()),
+            compensator: None,
             diagnosed,
             findings,
         };
@@ -151,6 +153,7 @@ impl Overview {
             .chosen(extended.as_ref().unwrap_or(&self.model), asked.purpose, recommendation.clone())
             .map_err(|error| said(&error.into()));
         let options = chosen.as_ref().map(|chosen| chosen.options).map_err(Clone::clone);
+        let mut compensator = None;
         let designed = if self.findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
@@ -171,11 +174,12 @@ impl Overview {
                 let mut found = DesignResult::design(model, chosen, Latency::standard(DEFAULT_LOOP_RATE_HZ))
                     .map_err(|error| said(&error.into()))?;
                 found.bandwidth.measured = measured;
+                compensator = Some(found.compensator.clone());
                 // What the model was judged to be is said of the model itself.
                 Ok(Answer { text, findings: found.findings.clone(), ..found.answer(model) })
             })
         };
-        (self.options, self.designed) = (options, designed);
+        (self.options, self.designed, self.compensator) = (options, designed, compensator);
     }
 
     /// Whether the lags are those of steps.

@@ -1,0 +1,41 @@
+// The page: logs in, what they say out.
+
+import { Engine } from "./client.js";
+import { deviceSection } from "./device.js";
+import { dropPlace, formatList } from "./drop.js";
+import { element } from "./element.js";
+import { complain, say, showMessages } from "./messages.js";
+import { Motors } from "./motors.js";
+
+const EXAMPLE = "example.csv";
+
+document.getElementById("unstarted").remove();
+showMessages(document.getElementById("messages"));
+
+const engine = new Engine();
+const choices = engine.ask({ choose: true });
+const motors = choices.then((found) => new Motors(document.getElementById("motors"), found));
+
+const logs = document.getElementById("logs");
+dropPlace(logs, {
+  taken: async (groups) => (await motors).take(groups),
+  example: async () => {
+    const response = await fetch(EXAMPLE);
+    if (!response.ok) throw new Error(`${EXAMPLE}: ${response.status} ${response.statusText}`);
+    const file = new File([await response.blob()], EXAMPLE);
+    await (await motors).take([[{ name: EXAMPLE, file }]]);
+  },
+});
+
+// Whatever was not foreseen is said, and not kept from who waits.
+addEventListener("unhandledrejection", ({ reason }) => complain(element("p", { className: "headline", textContent: String(reason?.message ?? reason) })));
+
+deviceSection(document.getElementById("device"), { compensator: async () => (await motors).shown?.compensator() ?? null });
+
+say("Starting …");
+const { formats } = await choices;
+logs.append(formatList(formats));
+say("");
+document.documentElement.dataset.ready = "true";
+performance.mark("ready");
+engine.end();

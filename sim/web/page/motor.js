@@ -1,0 +1,316 @@
+// One motor: its logs, what the engine says of them, and what may be asked further.
+
+import { Ended, MotorEngine } from "./client.js";
+import { isExperiment } from "./drop.js";
+import { button, element, errorText } from "./element.js";
+import { exportsOf } from "./exports.js";
+import { complain, forgive, say } from "./messages.js";
+import { questions } from "./questions.js";
+import { forget, sectionOf } from "./sections.js";
+import { tuning } from "./sliders.js";
+import { takenOf } from "./taken.js";
+
+const DIAGNOSIS = "Looks for what a first-order lag does not have: other lags up and down, a ramp of the ESC, a resonance, a delay that varies and more. It takes up to some minutes.";
+
+export class Motor {
+  name;
+  files = [];
+  /** What was read, and what it says; `null` before. */
+  taken = null;
+  answer = null;
+  root = element("div", { className: "motor" });
+
+  #choices;
+  #changed;
+  #options = {};
+  #kind = null;
+  #purpose = "force";
+  #natural = null;
+  #compensator = null;
+  #isDiagnosed = false;
+  #engine = new MotorEngine((reason, restored) => this.#broke(reason, restored));
+  #job = null;
+  #logs = element("ul", { className: "chips", ariaLabel: "Logs of this motor" });
+  #busy = element("div", { className: "busy", hidden: true });
+  #asked = element("div");
+  #results = element("div", { className: "results" });
+
+  /** `changed` is called where its name or its files are others, or it has none any more. */
+  constructor(choices, name, changed) {
+    this.#choices = choices;
+    this.name = name;
+    this.#changed = changed;
+    this.root.append(this.#logs, this.#busy, this.#asked, this.#results);
+  }
+
+  /** Takes further files: all, or where some are no logs the others. */
+  async add(added) {
+    forgive();
+    const error = await this.#read([...this.files, ...added], this.#options);
+    if (!error) return;
+    const wrong = added.length > 1 && !isExperiment(added) ? await this.#wrong(added) : [];
+    if (!wrong.length) {
+      this.#refuse(added, error);
+      return;
+    }
+    for (const { file, error: reason } of wrong) this.#refuse([file], reason);
+    const rest = added.filter((file) => !wrong.some((one) => one.file === file));
+    const next = rest.length ? await this.#read([...this.files, ...rest], this.#options) : null;
+    if (next) this.#refuse(rest, next);
+  }
+
+  async #wrong(added) {
+    const all = await this.#during("looking at each log", () => Promise.all(added.map(async (file) => ({ file, error: await this.#engine.check([file], this.#options) }))));
+    return (all ?? []).filter(({ error }) => error);
+  }
+
+  #refuse(files, error) {
+    complain(element("p", { className: "headline", textContent: `Not taken: ${files.map(({ name }) => name).join(", ")}` }), ...errorText(error).filter(Boolean));
+    if (!this.files.length) this.#changed();
+  }
+
+  /** Reads these files, and answers; an error that no answer of the reader would mend is given back. */
+  async #read(files, options) {
+    const read = await this.#during("reading", (watch) => this.#engine.read(files, options, watch));
+    if (!read) {
+      if (!this.files.length) this.#changed();
+      return null;
+    }
+    if (read.error) {
+      if (!read.error.missing?.length) return read.error;
+      this.#ask(files, options, read.error);
+      return null;
+    }
+    Object.assign(this, { files, taken: read, name: read.name });
+    this.#options = options;
+    this.#isDiagnosed = false;
+    this.#showLogs();
+    this.#changed();
+    await this.#answer();
+    return null;
+  }
+
+  async #answer() {
+    const request = { kind: this.#kind, purpose: this.#purpose, diagnosis: this.#isDiagnosed };
+    const answer = await this.#during("identifying", (watch) => this.#engine.answer(request, watch));
+    if (answer) this.#show(answer);
+    else if (!this.answer) this.#results.replaceChildren(element("p", {}, "It was stopped. ", button("Identify", () => this.#answer())));
+  }
+
+  async #diagnose() {
+    const request = { kind: this.#kind, purpose: this.#purpose, diagnosis: true };
+    const answer = await this.#during("diagnosing", (watch) => this.#engine.answerApart(request, watch));
+    if (!answer) return;
+    this.#isDiagnosed = !answer.error;
+    this.#show(answer);
+    this.root.querySelector("#diagnosis")?.scrollIntoView({ block: "start" });
+  }
+
+  /** An export or a file. */
+  get = async (request) => {
+    try {
+      return await this.#engine.get(request);
+    } catch (error) {
+      if (error instanceof Ended) return null;
+      throw error;
+    }
+  };
+
+  /** Its compensator, as the text of a file; `null` where there is none. */
+  async compensator() {
+    return (await this.get({ ask: "file", name: "compensator.toml" }))?.text ?? null;
+  }
+
+  close() {
+    this.#engine.close();
+    forget(this.root);
+  }
+
+  // What takes time, with what is done now and a way to stop it.
+  async #during(text, job) {
+    this.#stop();
+    const mine = {};
+    this.#job = mine;
+    const stage = element("span", { textContent: `${text} …` });
+    const count = element("span", { className: "count", ariaHidden: "true" });
+    const start = performance.now();
+    let steps = 0;
+    const tick = () => {
+      const seconds = Math.round((performance.now() - start) / 1000);
+      count.textContent = [steps ? `${steps} steps` : "", seconds ? `${seconds} s` : ""].filter(Boolean).join(", ");
+    };
+    const clock = setInterval(tick, 500);
+    this.#busy.replaceChildren(element("progress", { ariaLabel: `${this.name}: ${text}` }), stage, count, button("Stop", () => this.#stop()));
+    this.#busy.hidden = false;
+    say(`${this.name}: ${text} …`);
+    try {
+      const answer = await job((name, done) => {
+        if (stage.textContent !== `${name} …`) {
+          stage.textContent = `${name} …`;
+          say(`${this.name}: ${name} …`);
+        }
+        steps = done;
+        tick();
+      });
+      say("");
+      return answer;
+    } catch (error) {
+      if (!(error instanceof Ended)) throw error;
+      if (error.reason === null) say(`${this.name}: stopped.`);
+      return null;
+    } finally {
+      clearInterval(clock);
+      if (this.#job === mine) {
+        this.#job = null;
+        this.#busy.hidden = true;
+      }
+    }
+  }
+
+  #stop() {
+    if (this.#job) this.#engine.cancel();
+  }
+
+  async #broke(reason, restored) {
+    const notice = `The engine of ${this.name} stopped: ${reason}. Another one was started${this.files.length ? ", which reads the files again" : ""}.`;
+    complain(element("p", { className: "headline", textContent: notice }));
+    try {
+      await restored;
+      if (this.files.length) say(`${this.name}: its files were read again.`);
+    } catch (error) {
+      if (!(error instanceof Ended)) throw error;
+      complain(element("p", { textContent: `${this.name} could not be read again. Remove it, and drop its logs anew.` }));
+    }
+  }
+
+  #showLogs() {
+    this.#asked.replaceChildren();
+    this.#logs.replaceChildren(...this.files.map((file) => element("li", {},
+      element("span", { className: "mono", textContent: file.name }),
+      button("✕", () => this.#remove(file), { className: "remove", ariaLabel: `Remove ${file.name}`, title: `Remove ${file.name}` }))));
+  }
+
+  async #remove(file) {
+    forgive();
+    const files = this.files.filter((one) => one !== file);
+    if (!files.length) {
+      this.files = files;
+      this.#changed();
+      return;
+    }
+    const error = await this.#read(files, this.#options);
+    if (error) complain(...errorText(error).filter(Boolean));
+  }
+
+  /** Asks what the log does not say. */
+  #ask(files, options, error) {
+    const form = questions({
+      choices: this.#choices,
+      columns: error.columns?.length ? error.columns : this.#columns(),
+      options,
+      missing: error.missing,
+      answered: async (said) => {
+        forgive();
+        const wrong = await this.#read(files, said);
+        if (wrong) complain(...errorText(wrong).filter(Boolean));
+      },
+      left: () => {
+        this.#asked.replaceChildren();
+        if (!this.files.length) this.#changed();
+      },
+    });
+    this.#asked.replaceChildren(element("section", { className: "verdict warn ask", ariaLabel: "What the log does not say" },
+      element("div", { attributes: { role: "alert" } }, element("p", { className: "headline" }, sentenceOf(error)), helpOf(error)), form));
+    form.querySelector("select, input")?.focus();
+  }
+
+  #columns() {
+    return [...new Set((this.taken?.logs ?? []).flatMap(({ columns }) => columns.map(({ name }) => name)))];
+  }
+
+  #show(answer) {
+    forget(this.#results);
+    const about = this.#aboutLogs();
+    if (answer.error) {
+      this.answer = null;
+      this.#results.replaceChildren(element("section", { className: "verdict bad", ariaLabel: "Verdict", attributes: { role: "alert" } },
+        ...errorText(answer.error).filter(Boolean)), about);
+      if (answer.error.missing?.length) this.#ask(this.files, this.#options, answer.error);
+      this.#changed();
+      return;
+    }
+    this.answer = answer;
+    const { verdict, sections, warnings, done, commands } = answer;
+    const isFlown = sections[0]?.name === "to_fly";
+    const rest = isFlown ? sections.slice(1) : sections;
+    const links = [...sections.map(({ name, title }) => [name, title]), ["keep", "Take it along"]];
+    this.#results.replaceChildren(
+      element("div", { innerHTML: verdict.html }),
+      about,
+      element("nav", { ariaLabel: "Contents" }, element("ul", {}, links.map(([name, title]) => element("li", {}, element("a", { href: `#${name}`, textContent: title }))))),
+      ...(isFlown ? [this.#tuning(answer)] : []),
+      element("div", { innerHTML: warnings }),
+      ...rest.map(sectionOf),
+      ...(this.#isDiagnosed ? [] : [this.#diagnosisOffer()]),
+      element("div", { id: "keep" }, exportsOf(this.#choices, this.get)),
+      element("div", { innerHTML: done }),
+      commandList(commands));
+    this.#changed();
+    say(this.#results.querySelector(".verdict .headline").textContent);
+  }
+
+  #aboutLogs() {
+    const form = questions({
+      choices: this.#choices,
+      columns: this.#columns(),
+      options: this.#options,
+      answered: async (said) => {
+        forgive();
+        const wrong = await this.#read(this.files, said);
+        if (wrong) complain(...errorText(wrong).filter(Boolean));
+      },
+    });
+    return element("div", { className: "about" }, takenOf(this.taken),
+      isExperiment(this.files) ? null : element("details", {}, element("summary", { textContent: "Say what is in it" }), form));
+  }
+
+  #tuning(answer) {
+    return tuning({
+      choices: this.#choices,
+      answer,
+      kind: this.#kind,
+      purpose: this.#purpose,
+      natural: this.#natural,
+      fly: async (request) => {
+        this.#kind = "inverse";
+        this.#purpose = request.purpose;
+        this.#natural = request.natural_rad_s;
+        return this.get({ ask: "fly", ...request });
+      },
+      design: ({ kind, purpose }) => {
+        this.#kind = kind;
+        this.#purpose = purpose;
+        this.#answer();
+      },
+    });
+  }
+
+  #diagnosisOffer() {
+    return element("section", { className: "offer" },
+      element("h2", { textContent: "Diagnosis" }), element("p", { textContent: DIAGNOSIS }), button("Diagnose", () => this.#diagnose(), { className: "main diagnose" }));
+  }
+}
+
+function sentenceOf({ message }) {
+  return [...errorText({ message })[0].childNodes];
+}
+
+function helpOf({ help }) {
+  return help ? errorText({ message: "", help })[1] : null;
+}
+
+function commandList(commands) {
+  if (!commands?.length) return null;
+  return element("details", { className: "commands" }, element("summary", { textContent: "The same on the command line" }),
+    element("pre", {}, element("code", { textContent: commands.join("\n") })));
+}

@@ -1,0 +1,210 @@
+//! One motor: its logs, and what was made of them. What each question of [`Request`] is answered with stands where it is answered.
+
+mod logs;
+
+use base64::Engine as _;
+use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
+use rotorlead_answer::{Fact, Report};
+use rotorlead_design::Latency;
+use rotorlead_export::{ExportSettings, Exported, Exporter, c_header};
+use rotorlead_plant::{CompensatorDesign, Judgement};
+use rotorlead_records::Experiment;
+use rotorlead_records::files::to_toml;
+use rotorlead_report::{Fragment, html, table_html};
+use rotorlead_results::{
+    Asked, DesignRequest, DesignResult, Kind, Overview, Watch, answer_page, diagnosis_answer, experiment_facts,
+    export_warnings, flight_section, recommendation_table, version_fact,
+};
+use rotorlead_vehicle::{MotorControlKind, Purpose, recommend};
+use serde_json::{Value, json};
+
+use crate::fault::Fault;
+use crate::page::{page, verdict};
+use crate::request::{FileName, Request, target};
+use logs::{Given, Taken};
+
+/// A motor, from its first log on.
+#[derive(Default)]
+pub struct Motor {
+    given: Given,
+    taken: Option<Taken>,
+    answered: Option<Answered>,
+    /// The compensator that was shown last.
+    shown: Option<CompensatorDesign>,
+}
+
+/// All that the logs say.
+struct Answered {
+    overview: Overview,
+    report: Report,
+}
+
+impl Motor {
+    /// Gives it a log, or a file of an experiment's folder. What was made of the others is out of date then.
+    pub fn add(&mut self, name: String, bytes: Vec<u8>) {
+        self.given.add(name, bytes);
+        *self = Self { given: std::mem::take(&mut self.given), ..Self::default() };
+    }
+
+    /// Answers a question. `watch` gets what is done now, and how many steps of it are done.
+    pub fn ask(&mut self, request: &Request, watch: &dyn Fn(&str, u32)) -> Result<Value, Fault> {
+        match request {
+            Request::Read { options } => {
+                watch("reading", 0);
+                (self.answered, self.shown) = (None, None);
+                let taken = self.taken.insert(self.given.read(options)?);
+                Ok(json!({
+                    "name": taken.experiment.name,
+                    "response": taken.experiment.output.option(),
+                    "logs": taken.logs,
+                    "findings": taken.findings,
+                }))
+            }
+            Request::Answer { kind, purpose, diagnosis } => {
+                let kind = kind.map(|kind| kind.kind());
+                let asked = Asked { model: None, kind, purpose: purpose.purpose(), with_diagnosis: *diagnosis };
+                self.answer(asked, watch)
+            }
+            Request::Fly { natural_rad_s, purpose } => self.fly(*natural_rad_s, purpose.purpose()),
+            Request::Export { target, compensated } => self.export(target, *compensated),
+            Request::File { name } => self.file(*name),
+        }
+    }
+
+    /// The report of an experiment in parts, beside what `identify`, `diagnose` and `report` give to programs.
+    fn answer(&mut self, asked: Asked, watch: &dyn Fn(&str, u32)) -> Result<Value, Fault> {
+        let taken = self.taken.as_ref().ok_or_else(no_logs)?;
+        let experiment = &taken.experiment;
+        let (stage, steps) = (std::cell::Cell::new("identifying"), std::cell::Cell::new(0));
+        let watch = Watch {
+            stage: &|now| {
+                stage.set(now);
+                steps.set(0);
+                watch(now, 0);
+            },
+            step: &|| {
+                steps.set(steps.get() + 1);
+                watch(stage.get(), steps.get());
+            },
+        };
+        let mut overview = Overview::from_experiment(experiment, self.given.folder(), asked, watch)
+            .map_err(|error| Fault::of_identification(error, taken.is_of_logs()))?;
+        if let Ok(found) = &mut overview.identified {
+            let provenance = found.identification.model.provenance.iter_mut().chain(&mut overview.model.provenance);
+            provenance.for_each(|from| from.records_crc32.clone_from(&taken.checksum));
+        }
+        let report = Report {
+            facts: facts(experiment, taken),
+            verdict: overview.verdict(experiment),
+            warnings: overview.warnings(),
+            sections: overview.sections(experiment),
+            commands: taken.commands.clone(),
+            ..answer_page("Experiment", experiment.name.clone(), &rotorlead_answer::Answer::default())
+        };
+        let mut answer = page(&report)?;
+        let identified = overview.identified.as_ref().ok().map(|found| found.answer(experiment).json());
+        let diagnosed = overview.diagnosed.as_ref().and_then(|part| part.as_ref().ok());
+        let natural = overview.compensator.as_ref().and_then(natural_rad_s).or_else(|| compared_rad_s(&overview));
+        answer["values"] = overview.values(experiment, &report).into();
+        answer["identify"] = identified.into();
+        answer["diagnose"] = diagnosed.map(|found| diagnosis_answer(found).json()).into();
+        answer["natural_rad_s"] = natural.into();
+        self.shown.clone_from(&overview.compensator);
+        self.answered = Some(Answered { overview, report });
+        Ok(answer)
+    }
+
+    /// An inverse of one natural frequency beside the bare motor and the lead.
+    fn fly(&mut self, natural_rad_s: f64, purpose: Purpose) -> Result<Value, Fault> {
+        let model = &self.answered()?.overview.model;
+        let asked =
+            rotorlead_vehicle::Asked { natural_rad_s: Some(natural_rad_s), ..rotorlead_vehicle::Asked::default() };
+        let found = recommend(model, model.judgement().and_then(Judgement::doubt), &asked)
+            .map_err(|error| Fault::from(miette::Report::from(error)))?;
+        let request =
+            DesignRequest { kind: Some(Kind::Inverse), natural_rad_s: Some(natural_rad_s), ..DesignRequest::default() };
+        let designed = request.design(model, purpose, Latency::standard(DEFAULT_LOOP_RATE_HZ));
+        let refused = designed.as_ref().err().map(ToString::to_string);
+        let says = designed.as_ref().map(|found: &DesignResult| verdict(&found.answer(model).verdict));
+        let (says, shown) = (says.ok().transpose()?, designed.ok().map(|found| found.compensator));
+        let answer = json!({
+            "section": Fragment::new(&flight_section(&found))?,
+            "table": table_html(&recommendation_table(&found))?,
+            "refused": refused,
+            "says": says,
+            "compensator": shown.as_ref().map(CompensatorDesign::stored),
+        });
+        self.shown = shown;
+        Ok(answer)
+    }
+
+    /// A file of `rotorlead export`.
+    fn export(&self, name: &str, compensated: bool) -> Result<Value, Fault> {
+        let target = target(name)?;
+        let model = &self.answered()?.overview.model;
+        let compensator = self.shown.as_ref().filter(|_| compensated && target.foreign("--compensator").is_none());
+        let settings =
+            ExportSettings { compensator, warnings: export_warnings(model, compensator), ..ExportSettings::default() };
+        let experiment = self.taken.as_ref().map(|taken| &taken.experiment);
+        let Exported { content, values } =
+            Exporter::new(model, experiment, settings).export(target).map_err(|refused| {
+                let reasons = refused.iter().map(|refusal| format!("{}: {}", refusal.full_name(), refusal.why));
+                Fault::new(
+                    format!("nothing is known for {name}: {}", reasons.collect::<Vec<_>>().join("; ")),
+                    "docs/export.md says what each parameter is from, and what to record",
+                )
+            })?;
+        let encoded = (!target.is_text()).then(|| base64::prelude::BASE64_STANDARD.encode(&content));
+        Ok(json!({
+            "file": format!("{}.{}", target.name(), target.extension()),
+            "text": target.is_text().then(|| String::from_utf8_lossy(&content)),
+            "base64": encoded,
+            "values": values,
+        }))
+    }
+
+    /// A file to keep.
+    fn file(&self, name: FileName) -> Result<Value, Fault> {
+        let Answered { overview, report } = self.answered()?;
+        let compensator = || {
+            let none = || Fault::new("there is no compensator", "choose one that is not refused");
+            self.shown.as_ref().ok_or_else(none)
+        };
+        let (file, text) = match name {
+            FileName::Model => ("model.toml", to_toml(&overview.model)),
+            FileName::Compensator => ("compensator.toml", compensator()?.text("compensator.toml".as_ref())?),
+            FileName::Header => ("compensator.h", c_header(compensator()?)),
+            FileName::Report => ("report.html", html(report)?),
+        };
+        Ok(json!({ "file": file, "text": text }))
+    }
+
+    fn answered(&self) -> Result<&Answered, Fault> {
+        self.answered.as_ref().ok_or_else(no_logs)
+    }
+}
+
+fn no_logs() -> Fault {
+    Fault::new("no log was taken", "give one, and say what it does not say of itself")
+}
+
+fn facts(experiment: &Experiment, taken: &Taken) -> Vec<Fact> {
+    let mut facts = experiment_facts(experiment, &taken.names.join(", "));
+    facts.extend(taken.checksum.iter().map(|sum| Fact::new("CRC-32 of these files", sum.clone())));
+    facts.push(version_fact());
+    facts
+}
+
+/// The natural frequency of an inverse.
+fn natural_rad_s(design: &CompensatorDesign) -> Option<f64> {
+    design.as_inverse().map(|inverse| inverse.design().reference().omega_f_rad_s)
+}
+
+/// That of the first inverse which was compared.
+fn compared_rad_s(overview: &Overview) -> Option<f64> {
+    let compared = &overview.assessment.recommendation.as_ref()?.candidates;
+    compared.iter().find_map(|one| match one.actuator {
+        MotorControlKind::Inverse { omega_f_rad_s } => Some(omega_f_rad_s),
+        _ => None,
+    })
+}

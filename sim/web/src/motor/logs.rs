@@ -1,0 +1,150 @@
+//! What a motor was given, and how it is taken: logs, each of which becomes a record, or the files of an experiment's folder.
+
+use std::path::{Path, PathBuf};
+
+use rotorlead_records::files::{FilesInMemory, InputFolder, checksum};
+use rotorlead_records::import::{
+    Import, ImportError, ImportOptions, ImportSummary, import_bytes, shell_word, table_columns,
+};
+use rotorlead_records::{Experiment, Finding};
+use rotorlead_results::Logs;
+use serde_json::{Map, Value};
+
+use crate::fault::Fault;
+use crate::request::import_options;
+
+/// What a folder of an experiment has beside its records.
+const MANIFEST: &str = "experiment.toml";
+
+/// Files, in the order in which they were given.
+#[derive(Default)]
+pub struct Given {
+    names: Vec<String>,
+    files: FilesInMemory,
+}
+
+/// An experiment, taken.
+pub struct Taken {
+    pub experiment: Experiment,
+    /// What was found in each log; `None` of a folder.
+    pub logs: Option<Vec<ImportSummary>>,
+    pub findings: Vec<Finding>,
+    pub checksum: Option<String>,
+    /// The files that it is from.
+    pub names: Vec<String>,
+    /// What asks the same on the command line.
+    pub commands: Vec<String>,
+}
+
+impl Taken {
+    /// Whether it was taken of logs, and not of a folder.
+    pub fn is_of_logs(&self) -> bool {
+        self.logs.is_some()
+    }
+}
+
+impl Given {
+    /// Adds a file. One of a name that is there already takes its place.
+    pub fn add(&mut self, name: String, bytes: Vec<u8>) {
+        if self.files.insert(name.clone(), bytes).is_none() {
+            self.names.push(name);
+        }
+    }
+
+    /// The files as a folder.
+    pub fn folder(&self) -> InputFolder<'_> {
+        (&self.files).into()
+    }
+
+    /// Takes them.
+    pub fn read(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
+        if self.files.contains_key(MANIFEST) { self.read_folder(options) } else { self.read_logs(options) }
+    }
+
+    fn read_folder(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
+        if let Some(option) = options.keys().next() {
+            let message = format!("`{option}` says what is in a log, and these are the files of an experiment");
+            return Err(Fault::new(message, format!("leave it out: {MANIFEST} says it")));
+        }
+        Ok(Taken {
+            experiment: Experiment::from_files(&self.files)?,
+            logs: None,
+            findings: Vec::new(),
+            checksum: Experiment::checksum_in(self.folder()),
+            names: self.names.clone(),
+            commands: vec!["rotorlead report .".to_owned()],
+        })
+    }
+
+    fn read_logs(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
+        let typed = typed(options);
+        let options = import_options(options)?;
+        let paths: Vec<PathBuf> = self.names.iter().map(PathBuf::from).collect();
+        let mut fault = None;
+        let logs = Logs::read(&paths, true, |file| {
+            self.import(file, &options).map_err(|found| {
+                fault = Some(found);
+                miette::miette!("one of the logs is not taken")
+            })
+        });
+        let logs = logs.map_err(|error| fault.unwrap_or_else(|| error.into()))?;
+        // What a folder with these records would be refused for.
+        logs.experiment.check()?;
+        let sum = match &self.names[..] {
+            [only] => self.files.get(only).map(|bytes| checksum(bytes)),
+            _ => None,
+        };
+        Ok(Taken {
+            experiment: logs.experiment,
+            logs: Some(logs.summaries),
+            findings: logs.findings,
+            checksum: sum,
+            names: self.names.clone(),
+            commands: self.commands(&typed),
+        })
+    }
+
+    fn import(&self, file: &Path, options: &ImportOptions) -> Result<Import, Fault> {
+        let bytes = self.files.get(&*file.to_string_lossy()).map_or(&[][..], |bytes| bytes);
+        let of_log = |error: ImportError| Fault::of_log(&error, table_columns(file, bytes));
+        let log = import_bytes(file, bytes, options).map_err(of_log)?;
+        match options.unused_in(&log.summary) {
+            None => Ok(log),
+            Some((option, reason)) => {
+                let message = format!("{option} does not go with `{}`: {reason}", file.display());
+                Err(Fault::new(message, format!("leave {option} out")))
+            }
+        }
+    }
+
+    fn commands(&self, options: &str) -> Vec<String> {
+        let words: Vec<_> = self.names.iter().map(|name| shell_word(name)).collect();
+        match &words[..] {
+            [only] => vec![format!("rotorlead report {only}{options}")],
+            all => vec![
+                format!("rotorlead import {}{options} --out stand", all.join(" ")),
+                "rotorlead report stand".to_owned(),
+            ],
+        }
+    }
+}
+
+/// Options as they are typed.
+fn typed(options: &Map<String, Value>) -> String {
+    let mut words = String::new();
+    for (name, value) in options {
+        match value {
+            Value::Null | Value::Bool(false) => {}
+            Value::Bool(true) => words += &format!(" --{name}"),
+            Value::Array(values) => {
+                values.iter().for_each(|value| words += &format!(" --{name} {}", word(value)));
+            }
+            value => words += &format!(" --{name} {}", word(value)),
+        }
+    }
+    words
+}
+
+fn word(value: &Value) -> String {
+    shell_word(&value.as_str().map_or_else(|| value.to_string(), str::to_owned)).into_owned()
+}

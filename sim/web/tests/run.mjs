@@ -1,0 +1,45 @@
+// Drives the page in headless Chromium: node run.mjs FOLDER_OF_PAGE NODE_MODULES ROTORLEAD_PROGRAM DATA_FOLDER
+//
+// Prints a line for each test; exit status 1 where one failed. With `SHOTS=DIR` in the environment pictures of the page go there. A further
+// argument runs only those tests whose names have it.
+
+import { resolve } from "node:path";
+
+import { Browser } from "./browser.mjs";
+import { judgements } from "./judgements.mjs";
+import { looks } from "./looks.mjs";
+import { mishaps } from "./mishaps.mjs";
+import { serve } from "./serve.mjs";
+import { uses } from "./uses.mjs";
+
+const AT_A_TIME = 2;
+
+const [folder, modules, program, data] = process.argv.slice(2, 6).map((path) => resolve(path));
+const [only] = process.argv.slice(6);
+if (!data) throw new Error("give the page's folder, node_modules, the program rotorlead and the folder of data");
+
+const server = await serve(folder);
+const browser = await Browser.start(modules, server.address);
+const given = { browser, folder, program, data };
+const tests = [judgements, uses, mishaps, looks].flatMap((some) => some(given)).filter(({ name }) => !only || name.includes(only));
+const start = performance.now();
+let failed = 0;
+const next = tests[Symbol.iterator]();
+const runner = async () => {
+  for (const { name, run } of next) {
+    const begun = performance.now();
+    const seconds = () => ((performance.now() - begun) / 1000).toFixed(1);
+    try {
+      const said = await run();
+      console.log(`ok    ${name}, ${seconds()} s${said ? `: ${said}` : ""}`);
+    } catch (error) {
+      failed += 1;
+      console.log(`FAIL  ${name}, ${seconds()} s\n${error.stack}`);
+    }
+  }
+};
+await Promise.all(Array.from({ length: AT_A_TIME }, runner));
+await browser.close();
+server.close();
+console.log(`${tests.length} tests, ${failed} failed, ${((performance.now() - start) / 1000).toFixed(1)} s`);
+process.exit(failed || !tests.length ? 1 : 0);
