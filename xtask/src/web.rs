@@ -10,9 +10,12 @@ use crate::setup;
 
 /// What a browser runs.
 pub const TARGET: &str = "wasm32-unknown-unknown";
-/// Cargo's profile of it, and the name of its package as a file.
+/// Cargo's profile of it, its package, and that as a file.
 const PROFILE: &str = "web";
-const MODULE: &str = "rotorlead_web";
+const PACKAGE: &str = "rotorlead-web";
+const BUILT: &str = "rotorlead_web.wasm";
+/// The modules that a page loads, and their features: one is for every browser, the other waits for a box.
+const MODULES: [(&str, &str); 2] = [("rotorlead_web", ""), ("rotorlead_device", "device")];
 
 /// The page's own files, and the folder that has them.
 const PAGE: &str = "sim/web/page";
@@ -34,17 +37,22 @@ pub fn build() -> Result {
 /// Builds the page, and gives its folder.
 pub fn build_page() -> Result<PathBuf> {
     let toolchain = setup::toolchain(TARGET)?;
-    run(&mut toolchain.cargo(&["build", "--locked", "--package", "rotorlead-web", "--lib", "--profile", PROFILE]))?;
-    let built = toolchain.folder().join(PROFILE).join(format!("{MODULE}.wasm"));
     let folder = target_folder().join("web");
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(failed)?;
     }
     fs::create_dir_all(&folder).map_err(failed)?;
-    let mut bindings = Bindgen::new();
-    let bound = bindings.input_path(&built).typescript(false).web(true).and_then(|bindings| bindings.generate(&folder));
-    bound.map_err(|error| format!("{}: {error:#}", built.display()))?;
+    let built = toolchain.folder().join(PROFILE).join(BUILT);
+    for (module, features) in MODULES {
+        let package =
+            ["build", "--locked", "--package", PACKAGE, "--lib", "--profile", PROFILE, "--features", features];
+        run(&mut toolchain.cargo(&package))?;
+        let mut bindings = Bindgen::new();
+        let bound = bindings.input_path(&built).out_name(module).typescript(false).web(true);
+        let bound = bound.and_then(|bindings| bindings.generate(&folder));
+        bound.map_err(|error| format!("{}: {error:#}", built.display()))?;
+    }
     for entry in fs::read_dir(root().join(PAGE)).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         copy(&entry.path(), &folder.join(entry.file_name()))?;
