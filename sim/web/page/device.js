@@ -174,7 +174,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
     connected.hidden = false;
 
     const shown = (answer) => {
-      list(lines, answer.lines.filter(({ text }) => !/^motor \d:/.test(text) || text.includes("raise output")));
+      // The table has what the lines say of motors.
+      list(lines, answer.lines.filter(({ text, is_warning }) => is_warning || !text.startsWith("motor ")));
       show.update(answer.motors);
     };
     const timer = setInterval(async () => {

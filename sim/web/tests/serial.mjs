@@ -15,7 +15,9 @@ import readline from "node:readline";
 import { fileURLToPath } from "node:url";
 
 const [folder, modules, rotorlead, picoProgram] = process.argv.slice(2);
-const puppeteer = createRequire(path.join(path.resolve(modules), "x.js"))("puppeteer-core");
+const load = createRequire(path.join(path.resolve(modules), "x.js"));
+const puppeteer = load("puppeteer-core");
+const axe = await readFile(load.resolve("axe-core/axe.min.js"), "utf8");
 const here = path.dirname(fileURLToPath(import.meta.url));
 const scratch = await mkdtemp(path.join(tmpdir(), "box-"));
 
@@ -148,6 +150,19 @@ async function openPage(browser, url, pico) {
   };
 }
 
+/** Refuses what keeps somebody out who does not see or point, and what is wider than a phone. */
+async function isForAll(box) {
+  await box.page.setViewport({ width: 390, height: 844 });
+  await box.page.evaluate(axe);
+  const found = await box.page.evaluate(() => window.axe.run("#device", { resultTypes: ["violations"] }));
+  const grave = found.violations.filter(({ impact }) => ["serious", "critical"].includes(impact));
+  assert.deepEqual(grave.map(({ id, nodes }) => [id, nodes[0].html]), []);
+  const width = await box.page.evaluate(() => document.documentElement.scrollWidth);
+  await shoot(box, "narrow");
+  assert.ok(width <= 390, `${width} px wide`);
+  await box.page.setViewport({ width: 1100, height: 1400 });
+}
+
 const shoot = async (box, name) => process.env.SHOTS && box.page.screenshot({ path: path.join(process.env.SHOTS, `box-${name}.png`), fullPage: true });
 
 async function answer(box, question, typed) {
@@ -228,6 +243,7 @@ await test("without the jumper, or without a typed yes, no motor turns and nothi
   await tuneUpTo(box, []);
   await box.says("fastened so that it cannot move");
   await shoot(box, "asked");
+  await isForAll(box);
   await box.press("No");
   await eventually(async () => /nobody near its propellers\? was not answered with yes/.test(await box.alert()));
   assert.deepEqual(await pico.motors(), [0, 0, 0, 0]);
