@@ -88,7 +88,7 @@ impl Escs {
     }
 }
 
-/// A Pico that runs until it is dropped, while somebody is connected to it.
+/// A Pico that runs until it is dropped, while somebody is connected to it or a motor turns.
 pub struct LivePico {
     address: String,
     motors: Vec<Arc<Motor>>,
@@ -245,6 +245,8 @@ impl Running {
             }
             match listener.accept() {
                 Ok((line, _)) => self.talk(line, wishes),
+                // The chip's time stands still while nobody is there, but for motors that were left turning.
+                Err(_) if self.escs.is_turning() => drop(self.advance(|_, _| ())),
                 Err(_) => std::thread::sleep(Duration::from_millis(2)),
             }
         }

@@ -2,7 +2,7 @@
 
 import { element } from "./element.js";
 
-const COLUMNS = ["Motor", "State", "Input", "Output", "Compensator"];
+const COLUMNS = ["Motor", "State", "Input", "Output", "Compensated"];
 
 /** A table, and what fills it. */
 export function live() {
@@ -16,8 +16,8 @@ export function live() {
     element("td", { textContent: motor.state }),
     element("td", {}, level(motor.input, motor.input_hz, "none")),
     element("td", {}, level(motor.output, motor.output_hz, "no pulse")),
-    element("td", { textContent: motor.compensates ? "in the path" : "not in the path" }))));
-  return { table: element("div", { className: "wide" }, table), update };
+    element("td", { textContent: motor.compensates ? "yes" : "no" }))));
+  return { table: element("div", { className: "table", tabIndex: 0, role: "region", ariaLabel: "Motors" }, table), update };
 }
 
 function level(value, hz, none) {

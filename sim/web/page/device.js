@@ -30,7 +30,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
     start, status, problem, connected,
   );
 
-  const say = (text) => { status.textContent = text; };
+  // Said anew it would be read out anew.
+  const say = (text) => { if (status.textContent !== text) status.textContent = text; };
   /** Shows what is wrong, or with `null` that nothing is. */
   const complain = (error) => { problem.replaceChildren(...(error ? [element("div", { className: "verdict bad notice" }, element("div", {}, errorText(error)))] : [])); };
 
@@ -106,6 +107,7 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
         return null;
       } finally {
         isAsked = false;
+        turn(false);
       }
     }
 
@@ -194,6 +196,14 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       }
     }, LIVE_MS);
 
+    /** Says whether motors may turn. */
+    function turn(isTurningNow) {
+      isTurning = isTurningNow;
+      // Nobody asks for what it shows meanwhile.
+      show.table.hidden = isTurning;
+      hide();
+    }
+
     const hide = () => { if (isTurning && document.hidden) line.cut(HIDDEN); };
     const leave = () => line.cut("The page was left.");
     document.addEventListener("visibilitychange", hide);
@@ -203,10 +213,7 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       show: shown,
       asked: tune.asked,
       told(what) {
-        if (what.turning !== undefined) {
-          isTurning = what.turning;
-          hide();
-        }
+        if (what.turning !== undefined) turn(what.turning);
         tune.told(what);
       },
       end() {
