@@ -68,15 +68,15 @@ export class Line {
     if (this.#over) return;
     // It goes from here, whatever the worker does.
     const stopped = this.#writer?.write(this.#stop).catch(() => {});
-    this.end(reason, stopped);
+    this.end(reason, stopped, "the page has cut the line");
   }
 
-  /** Ends the conversation, and closes the port. */
-  async end(reason, before) {
+  /** Ends the conversation, and closes the port once `before` is done. `inShort` is what the program has for a reason. */
+  async end(reason, before = null, inShort = reason) {
     if (this.#over) return;
     this.#over = reason;
     this.#start({ stop: [] });
-    this.#worker.postMessage({ over: reason });
+    this.#worker.postMessage({ over: inShort });
     this.over(reason);
     await before;
     // Whoever waits has the reason from the program itself, where it still answers.

@@ -12,8 +12,8 @@ use std::time::Duration;
 use rotorlead::settings::{MOTORS, PulseProtocol};
 use rotorlead::throttle::Throttle;
 use rotorlead_device::{
-    Applied, DEFAULT_BAUD, Header, Keeper, Said, Session, apply, compensator_settings, entries, fault_lines,
-    info_lines, save_chosen, stop_frame,
+    Applied, DEFAULT_BAUD, DeviceError, Header, Keeper, Said, Session, apply, compensator_settings, entries,
+    fault_lines, info_lines, save_chosen, stop_frame,
 };
 use rotorlead_plant::CompensatorDesign;
 use rotorlead_records::files::TextFile;
@@ -62,14 +62,13 @@ fn parse(request: &str) -> Result<Request, Fault> {
 fn answer(session: &mut Session, request: Request) -> Result<Value, Fault> {
     let answer = match request {
         Request::Info => info(session),
-        Request::Faults => session.faults().map(|faults| json!({ "lines": fault_lines(&faults), "faults": faults })),
+        Request::Faults => session.faults().map(|faults| json!({ "lines": fault_lines(&faults) })),
         Request::Get => session.settings().map(|settings| {
             let entries = entries(&settings).into_iter().map(|(name, value)| (name, Value::String(value)));
             json!({ "settings": entries.collect::<Map<_, _>>() })
         }),
         Request::Set { compensator, motor, pairs } => return set(session, compensator, motor, pairs),
         Request::Save => save_chosen(session).map(|()| json!({ "saved": true })),
-        Request::Stop => session.stop_excitation().map(|()| json!({ "stopping": true })),
         Request::Tune(form) => {
             let Tuning { summary, warnings, json } = form.options()?.tune(session, &mut Page)?;
             return Ok(json!({ "summary": summary, "warnings": warnings, "tuned": json }));
@@ -78,7 +77,7 @@ fn answer(session: &mut Session, request: Request) -> Result<Value, Fault> {
     answer.map_err(|error| miette::Report::from(error).into())
 }
 
-fn info(session: &mut Session) -> Result<Value, rotorlead_device::DeviceError> {
+fn info(session: &mut Session) -> Result<Value, DeviceError> {
     let info = session.info()?;
     let line = |said: Said| match said {
         Said::Fact(text) => json!({ "text": text, "is_warning": false }),
@@ -101,7 +100,7 @@ fn info(session: &mut Session) -> Result<Value, rotorlead_device::DeviceError> {
         })
         .collect();
     let lines: Vec<Value> = info_lines(&info).into_iter().map(line).collect();
-    Ok(json!({ "lines": lines, "motors": motors, "info": info }))
+    Ok(json!({ "lines": lines, "motors": motors }))
 }
 
 /// As `rotorlead device set --compensator`.

@@ -31,8 +31,6 @@ pub enum Request {
     },
     /// Stores the settings in use.
     Save,
-    /// Ramps an excitation down.
-    Stop,
     /// Measures motors, designs their compensator, sets and stores it.
     Tune(TuneForm),
 }
