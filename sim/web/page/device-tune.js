@@ -15,9 +15,9 @@ const FIELDS = [
 
 /**
  * The form. `ask` asks the box and gives what it says or `null`, `answer` answers its question, `stop` stops the motors, `say` tells how it
- * goes.
+ * goes. `files` is the list for what is measured and found.
  */
-export function tuning({ ask, answer, stop, say }) {
+export function tuning({ ask, answer, stop, say, files }) {
   const inputs = {};
   const fields = FIELDS.map(([name, label, option, value]) => {
     const id = newId("tune");
@@ -45,7 +45,6 @@ export function tuning({ ask, answer, stop, say }) {
   const question = questions(answer, stop);
   const stopButton = button("Stop the motors", stop, { className: "main", hidden: true });
   const result = element("div", { attributes: { role: "status" } });
-  const files = element("ul", { className: "files", hidden: true });
   const start = button("Tune the motors", run);
   const kept = new Map();
 
@@ -111,7 +110,7 @@ export function tuning({ ask, answer, stop, say }) {
       element("summary", { textContent: "Tune the motors without a stand" }),
       element("p", { textContent: "The motors turn, one after the other, with their propellers on. Each is measured by its ESC's replies, a compensator is designed for all of them, and the box gets it and stores it. You are asked before anything turns and before anything is set." }),
       element("div", { className: "fields" }, fields), element("p", {}, rpmLabel), element("p", {}, limitsLabel),
-      element("p", { className: "choices" }, start, stopButton), announced, bar, proposed, question.element, result, files),
+      element("p", { className: "choices" }, start, stopButton), announced, bar, proposed, question.element, result),
     asked: question.ask,
     told,
   };

@@ -24,10 +24,12 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
   const status = element("p", { className: "status", attributes: { role: "status" } });
   const problem = element("div", { attributes: { role: "alert" } });
   const connected = element("div", { hidden: true });
+  // What was measured is there when the box is not any more.
+  const files = element("ul", { className: "files", hidden: true, ariaLabel: "Files of the tuning" });
   const start = button("Connect", connect, { className: "main" });
   host.append(
     element("p", {}, sentence("The box between flight controller and ESCs, by its USB cable. What is asked and set here is what `rotorlead device` asks and sets; nothing turns a motor unless the box's bench jumper is fitted.")),
-    start, status, problem, connected,
+    start, status, problem, connected, files,
   );
 
   // Said anew it would be read out anew.
@@ -96,6 +98,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       complain(null);
       say(saying);
       isAsked = true;
+      // Nobody asks for what it shows while motors are tuned.
+      show.table.hidden = question.ask === "tune";
       try {
         const answer = await line.ask(question);
         // Behind a line that was cut the cable is not to be looked at.
@@ -106,12 +110,11 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
         // The line is over, which is said already.
         return null;
       } finally {
-        isAsked = false;
-        turn(false);
+        isAsked = isTurning = show.table.hidden = false;
       }
     }
 
-    const tune = tuning({ ask, answer: (typed) => line.answer(typed), stop: () => line.cut(STOPPED), say });
+    const tune = tuning({ ask, answer: (typed) => line.answer(typed), stop: () => line.cut(STOPPED), say, files });
 
     function settingForm() {
       const none = "as it is";
@@ -196,14 +199,6 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       }
     }, LIVE_MS);
 
-    /** Says whether motors may turn. */
-    function turn(isTurningNow) {
-      isTurning = isTurningNow;
-      // Nobody asks for what it shows meanwhile.
-      show.table.hidden = isTurning;
-      hide();
-    }
-
     const hide = () => { if (isTurning && document.hidden) line.cut(HIDDEN); };
     const leave = () => line.cut("The page was left.");
     document.addEventListener("visibilitychange", hide);
@@ -213,7 +208,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       show: shown,
       asked: tune.asked,
       told(what) {
-        if (what.turning !== undefined) turn(what.turning);
+        isTurning = what.turning ?? isTurning;
+        hide();
         tune.told(what);
       },
       end() {

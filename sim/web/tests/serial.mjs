@@ -321,7 +321,7 @@ if (process.env.WHOLE) {
     await answer(box, "Write these settings", "yes");
     await box.says("Set and saved.", 60);
     await shoot(box, "tuned");
-    console.log(await box.text(".box-tune .files"));
+    console.log(await box.text("#device > .files"));
     await box.close();
     const set = await device(pico, "get");
     assert.equal(set["motor.3.compensate"], "true");
