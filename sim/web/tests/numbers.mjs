@@ -13,10 +13,13 @@ const [page, program, data, out, ...folders] = process.argv.slice(2);
 mkdirSync(join(out, "native"), { recursive: true });
 mkdirSync(join(out, "web"), { recursive: true });
 
-// By its name node would take it for a script.
-const bindings = join(out, "rotorlead_web.mjs");
-copyFileSync(join(page, "rotorlead_web.js"), bindings);
-const { default: init, Motor } = await import(pathToFileURL(resolve(bindings)));
+// Beside a description by which node takes them for modules.
+const modules = resolve(out, "modules");
+mkdirSync(modules, { recursive: true });
+writeFileSync(join(modules, "package.json"), JSON.stringify({ type: "module" }));
+for (const name of ["rotorlead_web.js", "device-host.js", "promises.js"]) copyFileSync(join(page, name), join(modules, name));
+await import(pathToFileURL(join(modules, "promises.js")));
+const { default: init, Motor } = await import(pathToFileURL(join(modules, "rotorlead_web.js")));
 await init({ module_or_path: readFileSync(join(page, "rotorlead_web_bg.wasm")) });
 
 // A question that has no answer, and keys of the command line alone: what wrote a file, what it was read from, and clocks that it merged.
