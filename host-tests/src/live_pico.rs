@@ -8,10 +8,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use emulator::rp2040::{
-    Bytes, CYCLES_PER_S, Drive, Edge, Flash, Live, Plug, PlugEvent, Question, Responder, Run, Trace, reply,
+    Bytes, CYCLES_PER_S, Drive, Edge, Flash, Live, Plug, PlugEvent, Question, Region, Responder, Run, Trace, reply,
 };
 use rotorlead::dshot::{Checksum, Frame, REPLY_BITS, Speed};
 use rotorlead::settings::{DEAD_MAN_MS, Settings};
+use rotorlead_rp2040::generated::FLASH_START;
 
 use crate::pins::{self, JUMPER, OUTPUT_1, us};
 use crate::rotor::{Rotor, TurningRotor};
@@ -100,6 +101,9 @@ pub struct LivePico {
 struct Wishes {
     stop: AtomicBool,
     unplug: AtomicBool,
+    /// Without its power for a moment; taken back when it has started again.
+    restart: AtomicBool,
+    without_jumper: AtomicBool,
     /// How long motors went on turning behind that, microseconds; [`STILL_TURNING`] before.
     turned_us: AtomicU32,
     /// How long it has run.
@@ -151,9 +155,29 @@ impl LivePico {
         self.wishes.cycles.load(Ordering::Relaxed) as f64 / CYCLES_PER_S as f64
     }
 
+    /// The last command of each motor.
+    #[must_use]
+    pub fn commands(&self) -> Vec<f64> {
+        self.motors.iter().map(|motor| motor.last()).collect()
+    }
+
     /// Takes the plug out, for good.
     pub fn unplug(&self) {
         self.wishes.unplug.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes the jumper out, or puts it back.
+    pub fn fit_jumper(&self, is_fitted: bool) {
+        self.wishes.without_jumper.store(!is_fitted, Ordering::Relaxed);
+    }
+
+    /// Takes the power away and gives it back, and waits until the chip has started with what is in its flash. Whoever is connected is
+    /// disconnected.
+    pub fn restart(&self) {
+        self.wishes.restart.store(true, Ordering::Relaxed);
+        while self.wishes.restart.load(Ordering::Relaxed) && self.is_running() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     /// How many emulated milliseconds after that the last motor was stopped; `None` where one was not.
@@ -180,10 +204,16 @@ impl Drop for LivePico {
 struct Running {
     pico: Live,
     escs: Escs,
+    is_jumper_fitted: bool,
 }
 
 impl Running {
     fn new(flash: Option<Flash>, mut escs: Escs) -> Self {
+        let pico = Self::start(flash, &mut escs);
+        Self { pico, escs, is_jumper_fitted: true }
+    }
+
+    fn start(flash: Option<Flash>, escs: &mut Escs) -> Live {
         let mut run = Run::new(pins::image(), STARTED);
         run.flash.extend(flash);
         run.inputs.push(Edge { cycle: 0, pin: JUMPER, is_high: false });
@@ -193,12 +223,26 @@ impl Running {
         let started = Live::start(&run, |question| escs.answer(question));
         let (pico, trace) = started.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(trace.usb_set_ups.len(), 1, "the host has set the device up");
-        Self { pico, escs }
+        pico
+    }
+
+    /// Starts again with what is in the part of the flash that has the settings.
+    fn restart(&mut self) {
+        let settings = pins::stored(&Settings::default());
+        let region = Region { address: FLASH_START + settings.offset, length: settings.bytes.len() as u32 };
+        let mut trace = self.advance(|run, _| run.memory.push(region));
+        let bytes = trace.memory.pop().expect("the region was asked for");
+        self.pico = Self::start(Some(Flash { bytes, ..settings }), &mut self.escs);
+        self.is_jumper_fitted = true;
     }
 
     /// One client after the other.
     fn serve(&mut self, listener: &TcpListener, wishes: &Wishes) {
         while !wishes.stop.load(Ordering::Relaxed) {
+            if wishes.restart.load(Ordering::Relaxed) {
+                self.restart();
+                wishes.restart.store(false, Ordering::Relaxed);
+            }
             match listener.accept() {
                 Ok((line, _)) => self.talk(line, wishes),
                 Err(_) => std::thread::sleep(Duration::from_millis(2)),
@@ -215,6 +259,9 @@ impl Running {
                 drop(line);
                 return self.run_down(wishes);
             }
+            if wishes.restart.load(Ordering::Relaxed) {
+                return;
+            }
             let started = Instant::now();
             let Some(bytes) = received(&mut line) else { return };
             silent_slices += 1;
@@ -224,7 +271,10 @@ impl Running {
                 std::thread::sleep(SLICE);
                 continue;
             }
+            let is_jumper_fitted = !wishes.without_jumper.load(Ordering::Relaxed);
+            let moves = std::mem::replace(&mut self.is_jumper_fitted, is_jumper_fitted) != is_jumper_fitted;
             let trace = self.advance(|run, cycle| {
+                run.inputs.extend(moves.then_some(Edge { cycle, pin: JUMPER, is_high: !is_jumper_fitted }));
                 if !bytes.is_empty() {
                     run.usb_in.push(Bytes { cycle, bytes });
                 }

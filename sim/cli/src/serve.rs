@@ -52,7 +52,10 @@ impl Serve {
         }
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port));
         let server = Server::http(address).map_err(|error| {
-            miette!(help = "is it open already? Else --port 0 takes a port that is free", "cannot listen on {address}: {error}")
+            miette!(
+                help = "is it open already? Else --port 0 takes a port that is free",
+                "cannot listen on {address}: {error}"
+            )
         })?;
         let port = server.server_addr().to_ip().map_or(self.port, |address| address.port());
         let page = format!("http://127.0.0.1:{port}/");
@@ -71,7 +74,8 @@ impl Serve {
 
 /// What a request gets.
 fn answer(request: &Request, port: u16) -> Response<std::io::Cursor<Vec<u8>>> {
-    let header = |name: &str| request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
+    let header =
+        |name: &str| request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
     let is_own = |host: &str| ["127.0.0.1", "localhost"].iter().any(|name| host == format!("{name}:{port}"));
     let refuse = |status: u16, words: &str| with_headers(Response::from_string(words).with_status_code(status));
     // A name of another's that leads here would make this page one of theirs.
@@ -91,7 +95,8 @@ fn answer(request: &Request, port: u16) -> Response<std::io::Cursor<Vec<u8>>> {
         Response::from_data(*packed).with_header(written("Content-Encoding", "gzip"))
     } else {
         let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut GzDecoder::new(*packed), &mut bytes).expect("it was packed when this was built");
+        std::io::Read::read_to_end(&mut GzDecoder::new(*packed), &mut bytes)
+            .expect("it was packed when this was built");
         Response::from_data(bytes)
     };
     response.add_header(written("Content-Type", content_type(name)));

@@ -185,6 +185,12 @@ pub enum DeviceError {
 }
 
 impl DeviceError {
+    /// What to do about it; empty where nothing is known.
+    #[must_use]
+    pub fn own_help(&self) -> String {
+        self.help().map(|help| help.to_string()).unwrap_or_default()
+    }
+
     /// Whether nobody answers any more, so that there is no use in asking for anything.
     #[must_use]
     pub const fn is_of_the_line(&self) -> bool {

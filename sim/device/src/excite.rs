@@ -1,13 +1,13 @@
 //! A multisine that the controller plays itself, recorded.
 
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rotorlead::excitation::Multisine;
 use rotorlead::link::{ChannelState, ExciteRequest, LineSet, RECORD_SAMPLES, Request};
 use rotorlead::settings::Settings;
 use rotorlead::throttle::Command;
 use rotorlead_records::{Excitation, Record};
+use web_time::Instant;
 
 use super::recording::{Tape, template};
 use super::session::done;
@@ -166,7 +166,7 @@ fn come_to_rest(session: &mut Session, settings: &Settings, motor: u8) -> Result
         if Instant::now() >= end {
             return Err(DeviceError::NotAtRest { motor, seconds: limit.as_secs_f64() });
         }
-        thread::sleep(POLL);
+        session.pause(POLL)?;
     }
     Ok(())
 }

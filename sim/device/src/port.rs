@@ -1,26 +1,12 @@
-//! The line: a serial port, or TCP for the emulator.
+//! Serial ports by their names, or TCP for the emulator.
 
-use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs as _};
-use std::time::Duration;
 
 use rotorlead::link::USB_ID;
 use serialport::{SerialPortInfo, SerialPortType};
 
-use super::DeviceError;
-
-/// Baud rate of the controller's UART.
-pub const DEFAULT_BAUD: u32 = 1_000_000;
-
-/// A read returns after this long without a byte, so that time limits are looked at.
-pub(super) const READ_LIMIT: Duration = Duration::from_millis(10);
-/// A write that takes longer has failed: the other end does not take its bytes.
-const WRITE_LIMIT: Duration = Duration::from_secs(2);
-
-/// A line with a short time limit on reads.
-pub trait Port: Read + Write + Send {}
-
-impl<T: Read + Write + Send + ?Sized> Port for T {}
+use super::line::{READ_LIMIT, WRITE_LIMIT};
+use super::{DeviceError, Port};
 
 /// Opens `tcp:HOST:PORT`, or else the serial port of that name at `baud`.
 ///

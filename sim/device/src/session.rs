@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rotorlead::link::{FRAME_BYTES, Faults, Foreign, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
 use rotorlead::settings::{DEAD_MAN_MS, Settings, Warnings};
+use web_time::{Instant, UNIX_EPOCH};
 
 use super::{DeviceError, Port};
 
@@ -38,7 +39,7 @@ impl Session {
         let address = address.to_owned();
         let receiver = Receiver::new();
         // Answers to a program that was ended may still be on their way: hardly any has a tag of this one.
-        let tag = std::time::UNIX_EPOCH.elapsed().map_or(0, |since| since.subsec_micros() as u8);
+        let tag = UNIX_EPOCH.elapsed().map_or(0, |since| since.subsec_micros() as u8);
         Self { port, address, limit, receiver, inbox: VecDeque::new(), tag, kept_alive: None, recording: None }
     }
 
@@ -159,9 +160,7 @@ impl Session {
     /// Sends a request, and gives its tag.
     pub(super) fn send(&mut self, request: &Request) -> Result<u8, DeviceError> {
         self.tag = self.tag.wrapping_add(1);
-        let mut frame = [0; FRAME_BYTES];
-        let length = encode(self.tag, request, &mut frame).expect("a test holds every message to the frame's size");
-        let sent = self.port.write_all(&frame[..length]).and_then(|()| self.port.flush());
+        let sent = self.port.write_all(&frame(self.tag, request)).and_then(|()| self.port.flush());
         sent.map_err(|error| self.broken(&error))?;
         Ok(self.tag)
     }
@@ -210,6 +209,15 @@ impl Session {
         }
     }
 
+    /// Lets time pass at the line, where there may be no other way to wait.
+    pub(super) fn pause(&mut self, time: Duration) -> Result<(), DeviceError> {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.read()?;
+        }
+        Ok(())
+    }
+
     /// How long an answer is waited for.
     pub(super) fn limit(&self) -> Duration {
         self.limit
@@ -230,7 +238,7 @@ impl Session {
         message
     }
 
-    /// Reads what there is, for as long as the port waits: [`READ_LIMIT`](super::port::READ_LIMIT).
+    /// Reads what there is, for as long as the port waits: [`READ_LIMIT`](super::READ_LIMIT).
     fn read(&mut self) -> Result<(), DeviceError> {
         if self.kept_alive.is_some_and(|last| last.elapsed() >= KEEP_ALIVE) {
             self.kept_alive = Some(Instant::now());
@@ -265,6 +273,19 @@ impl Session {
     fn silence(&self, request: &'static str, limit: Duration) -> DeviceError {
         DeviceError::NoAnswer { address: self.address.clone(), request, seconds: limit.as_secs_f64() }
     }
+}
+
+/// The bytes that stop an excitation: for whoever cuts the line of a session, which itself sends nothing any more.
+#[must_use]
+pub fn stop_frame() -> Vec<u8> {
+    // No answer is waited for.
+    frame(0, &Request::StopExcitation)
+}
+
+fn frame(tag: u8, request: &Request) -> Vec<u8> {
+    let mut frame = [0; FRAME_BYTES];
+    let length = encode(tag, request, &mut frame).expect("a test holds every message to the frame's size");
+    frame[..length].to_vec()
 }
 
 /// Accepts [`Message::Done`] alone.

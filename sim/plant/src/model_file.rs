@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rotorlead_records::files::{FileError, TextFile, TomlFile, write_toml};
+use rotorlead_records::files::{FileError, TextFile, TomlFile, to_toml, write_file};
 
 use super::Model;
 
@@ -59,8 +59,16 @@ impl Model {
     /// # Errors
     /// When [`Model::check`] refuses it, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        write_file(path, self.text(path)?.as_bytes())
+    }
+
+    /// The text of its file, which is to be at `path`.
+    ///
+    /// # Errors
+    /// When [`Model::check`] refuses it.
+    pub fn text(&self, path: &Path) -> Result<String, FileError> {
         self.check().map_err(|fault| FileError::refused(path, fault))?;
-        write_toml(path, self)
+        Ok(to_toml(self))
     }
 }
 

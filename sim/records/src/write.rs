@@ -8,7 +8,7 @@ use super::command_log::{CommandLog, SAME_COMMAND};
 use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
 use super::{Experiment, Record};
-use crate::files::{Fault, FileError, KeyPath, OutputFolder, to_toml};
+use crate::files::{Fault, FileError, FilesInMemory, KeyPath, OutputFolder, to_toml};
 
 /// Room for one number and its comma, bytes: the shortest text that reads back as the same number.
 const CELL: usize = 20;
@@ -56,6 +56,20 @@ impl Experiment {
     /// As for [`Experiment::write`].
     pub fn write_below(&self, folder: &OutputFolder, name: &str) -> Result<(), FileError> {
         self.write_columns(folder, &format!("{name}/"), &self.needed())
+    }
+
+    /// The files of [`Self::write_into`], in memory.
+    ///
+    /// # Errors
+    /// When reading them back would refuse them.
+    pub fn files(&self) -> Result<FilesInMemory, FileError> {
+        self.check()?;
+        let mut files = FilesInMemory::from([(MANIFEST.to_owned(), to_toml(&Manifest::from_experiment(self)).into())]);
+        for record in &self.records {
+            let texts = record_files(record).into_iter();
+            files.extend(texts.map(|(name, parts)| (name.to_owned(), parts.collect::<String>().into())));
+        }
+        Ok(files)
     }
 
     /// Refuses what reading the written files would refuse.

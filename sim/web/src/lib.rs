@@ -5,6 +5,7 @@
 //! [`motor`] have them; both go through [`rotorlead_results`], so that the numbers are those of the command line.
 
 mod choices;
+pub mod device;
 mod fault;
 mod fleet;
 mod motor;

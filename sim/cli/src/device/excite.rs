@@ -1,21 +1,17 @@
 //! `rotorlead device excite`
 
+use std::cell::RefCell;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use miette::Diagnostic;
+use indicatif::ProgressBar;
 use rotorlead::link::LineSet;
-use rotorlead::settings::Settings;
-use rotorlead_device::{DeviceError, Played, Sensors, Session};
-use rotorlead_plant::bench::file_stem;
+use rotorlead_device::{Header, Kept, Sensors, Series, Session, Signal, bench_frame_hz, excite};
 use rotorlead_records::files::AcceptedRange;
-use rotorlead_records::{Excitation, Record, Role};
 use serde_json::json;
-use thiserror::Error;
 
 use super::folder::ExperimentFolder;
 use super::record::Sensor;
-use super::{bench_frame_hz, own_help};
 use crate::outcome::Outcome;
 use crate::parameters::number;
 use crate::progress;
@@ -27,20 +23,17 @@ pub(super) struct Excite {
     pub(super) out: PathBuf,
     /// Commands around which to play, one record each
     #[arg(long, value_name = "U,U,...", value_delimiter = ',', required = true, value_parser = number(AcceptedRange::DUTY))]
-    pub(super) nominal: Vec<f64>,
+    nominal: Vec<f64>,
     /// The motor, from 0
     #[arg(long, default_value_t = 0)]
-    pub(super) motor: u8,
+    motor: u8,
     /// The speed that the motor may not reach, revolutions per minute; all stops beyond it
     #[arg(long, value_name = "RPM", value_parser = number(AcceptedRange::NUMBER), requires = "motor_poles")]
-    pub(super) most_rpm: Option<f64>,
+    most_rpm: Option<f64>,
     #[command(flatten)]
-    pub(super) played: PlayedArguments,
+    played: PlayedArguments,
     #[command(flatten)]
-    pub(super) sensor: Sensor,
-    /// What the records are for; the tools choose where none is given.
-    #[arg(skip)]
-    pub(super) role: Option<Role>,
+    sensor: Sensor,
 }
 
 /// What is played around each command.
@@ -48,7 +41,7 @@ pub(super) struct Excite {
 pub(super) struct PlayedArguments {
     /// Peak deviation of the command
     #[arg(long, value_name = "U", default_value = "0.05", value_parser = number(AcceptedRange::AMPLITUDE))]
-    pub(super) amplitude: f64,
+    amplitude: f64,
     /// The lines
     #[arg(long, value_enum, default_value_t = Lines::Hz30)]
     lines: Lines,
@@ -61,10 +54,10 @@ pub(super) struct PlayedArguments {
 }
 
 impl PlayedArguments {
-    /// How long a motor turns for one record, seconds.
-    pub(super) fn seconds(self, settings: &Settings) -> f64 {
-        let around_s = (f64::from(settings.excitation.arm_ms) + 2.0 * f64::from(settings.excitation.ramp_ms)) / 1000.0;
-        around_s + (f64::from(self.periods) + 1.0) * f64::from(self.lines.set().lines().period_s())
+    /// The same for the controller.
+    pub(super) fn signal(self) -> Signal {
+        let Self { amplitude, lines, periods, divisor } = self;
+        Signal { lines: lines.set(), amplitude, periods, divisor }
     }
 }
 
@@ -88,78 +81,37 @@ impl Lines {
     }
 }
 
-/// A series of records that ended early.
-#[derive(Debug, Error, Diagnostic)]
-#[error("{cause}; at --nominal {nominal}, after {rows} of {total} rows, which are not kept")]
-#[diagnostic(help("{help}"))]
-struct Broken {
-    cause: DeviceError,
-    nominal: f64,
-    rows: usize,
-    total: usize,
-    help: String,
-}
-
 impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
+        let sensors = Sensors { most_rpm: self.most_rpm, ..self.sensor.sensors(&settings)? };
+        let series = Series { motor: self.motor, signal: self.played.signal(), sensors, role: None };
         // No input is live: output frames come at their own rate.
         let frame_hz = bench_frame_hz(&settings);
-        let sensors = Sensors { most_rpm: self.most_rpm, ..self.sensor.sensors(&settings)? };
-        let divisor = self.played.divisor;
-        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, frame_hz, sensors.output())?;
-        let (mut files, mut rows) = (Vec::new(), 0);
-        for (index, &nominal) in self.nominal.iter().enumerate() {
-            let done = std::cell::Cell::new((0, 0));
-            let record = self.record(session, &settings, &sensors, nominal, &done).map_err(|cause| Broken {
-                help: self.remedy(&cause, index),
-                cause,
-                nominal,
-                rows: done.get().0,
-                total: done.get().1,
-            })?;
-            rows += record.time_s.len();
-            files.push(folder.add(&file_stem(nominal, Excitation::Multisine), record)?);
-        }
+        let header = Header::new(&settings, self.motor, series.signal.divisor, frame_hz, sensors.output())?;
+        let mut folder = ExperimentFolder::new(&self.out, header)?;
+        let bar = PlayBar::default();
+        let Kept { files, rows } =
+            excite(session, &settings, &series, &self.nominal, &mut folder, &|rows, total| bar.show(rows, total))?;
         let text = format!("{} records, {rows} rows\nWritten to {}\n", files.len(), self.out.display());
         Ok(Outcome::new(text, &json!({ "records": files, "rows": rows })))
     }
+}
 
-    /// Plays and records around one command, and says in `done` how far that is.
-    fn record(
-        &self,
-        session: &mut Session,
-        settings: &Settings,
-        sensors: &Sensors,
-        nominal: f64,
-        done: &std::cell::Cell<(usize, usize)>,
-    ) -> Result<Record, DeviceError> {
-        let lines = self.played.lines.set();
-        let PlayedArguments { amplitude, periods, divisor, .. } = self.played;
-        let played = Played { motor: self.motor, lines, nominal, amplitude, periods, divisor };
-        let bar = progress::bar("playing", 1);
-        let excited = rotorlead_device::play(session, settings, &played, sensors, &|rows, total| {
-            bar.set_length(total as u64);
-            bar.set_position(rows as u64);
-            done.set((rows, total));
-        })?;
-        bar.finish_and_clear();
-        // The folder names it.
-        let record = excited.to_record(&played, settings, String::new(), sensors)?;
-        Ok(Record { role: self.role, ..record })
-    }
+/// A bar for each record that is played.
+#[derive(Default)]
+pub(super) struct PlayBar(RefCell<Option<ProgressBar>>);
 
-    /// What to do after the record number `index` failed.
-    fn remedy(&self, cause: &DeviceError, index: usize) -> String {
-        let own = own_help(cause);
-        if index == 0 {
-            return format!("{own}; nothing was written");
+impl PlayBar {
+    /// Shows the rows that are there, of so many.
+    pub(super) fn show(&self, rows: usize, total: usize) {
+        let mut bar = self.0.borrow_mut();
+        let shown = bar.get_or_insert_with(|| progress::bar("playing", 1));
+        shown.set_length(total as u64);
+        shown.set_position(rows as u64);
+        if rows == total {
+            shown.finish_and_clear();
+            *bar = None;
         }
-        let rest: Vec<String> = self.nominal[index..].iter().map(ToString::to_string).collect();
-        format!(
-            "{own}; `{}` holds the {index} records before: go on with the same command and --nominal {}",
-            self.out.display(),
-            rest.join(",")
-        )
     }
 }

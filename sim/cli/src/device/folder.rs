@@ -3,79 +3,49 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rotorlead::settings::Settings;
-use rotorlead_plant::CompensatorDesign;
-use rotorlead_records::files::{FileError, OutputFolder};
-use rotorlead_records::{Experiment, Output, Record};
-
-use super::design;
+use rotorlead_device::{Header, Keeper, free_name};
+use rotorlead_records::files::{FileError, OutputFolder, write_file};
+use rotorlead_records::{Experiment, Record};
 
 /// An experiment's folder, new or not, to which records are added one by one: what is there is whole at any time, so
 /// whatever ends a series of records leaves those that were complete.
-pub struct ExperimentFolder<'a> {
-    path: &'a Path,
-    /// The experiment without records.
-    header: Experiment,
-    design: CompensatorDesign,
+pub struct ExperimentFolder {
+    path: PathBuf,
+    header: Header,
 }
 
-impl<'a> ExperimentFolder<'a> {
-    /// The folder at `path`, for records of a controller's motor with these settings, one row in `divisor` ticks, whose
-    /// output frames come at `esc_frame_hz` and whose response is `output`.
+impl ExperimentFolder {
+    /// The folder at `path`.
     ///
     /// # Errors
     /// When records like these cannot go there, so that it is said before the work.
-    pub fn new(
-        path: &'a Path,
-        settings: &Settings,
-        motor: u8,
-        divisor: u16,
-        esc_frame_hz: f64,
-        output: Output,
-    ) -> miette::Result<Self> {
-        let loop_rate_hz = f64::from(settings.loop_rate_hz);
-        let header = Experiment {
-            name: "recorded by the controller".into(),
-            output,
-            sample_rate_hz: Some(loop_rate_hz / f64::from(divisor)),
-            esc_frame_hz: Some(esc_frame_hz),
-            command_rate_hz: (divisor > 1).then_some(loop_rate_hz),
-            records: Vec::new(),
-        };
+    pub fn new(path: &Path, header: Header) -> Result<Self, FileError> {
         if Experiment::is_at(path) {
-            header.check_appendable(path)?;
+            header.experiment.check_appendable(path)?;
         } else {
             OutputFolder::create(path)?;
         }
-        Ok(Self { path, header, design: design(settings, motor)? })
-    }
-
-    /// Adds a record under the first free name that begins with `stem`, which is returned.
-    ///
-    /// # Errors
-    /// When it cannot be written; then what was there is there still.
-    pub fn add(&self, stem: &str, record: Record) -> miette::Result<String> {
-        self.add_to(self.path, stem, record)
+        Ok(Self { path: path.to_owned(), header })
     }
 
     /// Puts the rows of a record that was not completed into a folder of their own beside this one, which is returned.
     ///
     /// # Errors
-    /// As [`Self::add`].
+    /// As [`Keeper::add`].
     pub fn salvage(&self, stem: &str, record: Record) -> miette::Result<PathBuf> {
-        let beside = (1..).map(|n| suffixed(self.path, &numbered(".partial", n, "")));
-        let path = beside.into_iter().find(|path| !path.exists()).unwrap_or_else(|| self.path.to_owned());
+        let suffix = free_name(".partial", "", |suffix| suffixed(&self.path, suffix).exists());
+        let path = suffixed(&self.path, &suffix);
         self.add_to(&path, stem, record)?;
         Ok(path)
     }
 
     fn add_to(&self, path: &Path, stem: &str, mut record: Record) -> miette::Result<String> {
-        record.file = free_name(path, stem, ".csv");
+        record.file = free_name(stem, ".csv", |name| path.join(name).exists());
         let file = record.file.clone();
         let is_new = !Experiment::is_at(path);
         let compensator = if record.compensated { Some(self.compensator(path)?) } else { None };
         record.compensator = compensator.as_ref().map(|(name, _)| PathBuf::from(name));
-        let experiment = Experiment { records: vec![record], ..self.header.clone() };
+        let experiment = Experiment { records: vec![record], ..self.header.experiment.clone() };
         if is_new {
             let folder = OutputFolder::create(path)?;
             experiment.write_into(&folder)?;
@@ -87,7 +57,7 @@ impl<'a> ExperimentFolder<'a> {
             if let Some((name, text)) = compensator
                 && !path.join(&name).exists()
             {
-                rotorlead_records::files::write_file(&path.join(name), &text)?;
+                write_file(&path.join(name), &text)?;
             }
             experiment.append_to(path)?;
         }
@@ -96,22 +66,33 @@ impl<'a> ExperimentFolder<'a> {
 
     /// Name and text of the compensator's file: the one that is there, or else a free name.
     fn compensator(&self, path: &Path) -> Result<(String, Vec<u8>), FileError> {
-        let text = self.design.text(path)?.into_bytes();
-        let names = (1..).map(|n| numbered("compensator", n, ".toml"));
-        let fits = |name: &String| fs::read(path.join(name)).map_or(!path.join(name).exists(), |there| there == text);
-        let name = names.into_iter().find(fits).unwrap_or_default();
+        let text = self.header.compensator.text(path)?.into_bytes();
+        let fits = |name: &str| fs::read(path.join(name)).map_or(!path.join(name).exists(), |there| there == text);
+        let name = free_name("compensator", ".toml", |name| !fits(name));
         Ok((name, text))
     }
 }
 
-/// `stem.csv`, or `stem_2.csv` where there is one already, and so on.
-fn free_name(folder: &Path, stem: &str, extension: &str) -> String {
-    let names = (1..).map(|n| numbered(stem, n, extension));
-    names.into_iter().find(|name| !folder.join(name).exists()).unwrap_or_default()
-}
+impl Keeper for ExperimentFolder {
+    fn place(&self) -> String {
+        self.path.display().to_string()
+    }
 
-fn numbered(stem: &str, n: u32, extension: &str) -> String {
-    if n == 1 { format!("{stem}{extension}") } else { format!("{stem}_{n}{extension}") }
+    fn add(&mut self, stem: &str, record: Record) -> miette::Result<String> {
+        self.add_to(&self.path, stem, record)
+    }
+
+    fn experiment(&self) -> miette::Result<Experiment> {
+        Ok(Experiment::read(&self.path)?)
+    }
+
+    fn checksum(&self) -> Option<String> {
+        Experiment::checksum(&self.path)
+    }
+
+    fn write(&mut self, name: &str, text: &str) -> miette::Result<()> {
+        Ok(write_file(&self.path.join(name), text.as_bytes())?)
+    }
 }
 
 /// `path` with `suffix` behind its name.

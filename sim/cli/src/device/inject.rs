@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::Diagnostic;
 use rotorlead::throttle::Command;
-use rotorlead_device::{DeviceError, Difference, Injection, Session};
+use rotorlead_device::{DeviceError, Difference, Injection, Session, compensator, is_compensated};
 use rotorlead_plant::bench::{Plan, run_through};
 use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
@@ -14,7 +14,6 @@ use rotorlead_records::files::OutputFolder;
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::{design, is_compensated};
 use crate::UsageError;
 use crate::model_argument::ModelArgument;
 use crate::outcome::Outcome;
@@ -81,7 +80,7 @@ impl Inject {
         let settings = session.settings()?;
         let compensate = self.compensate.unwrap_or_else(|| is_compensated(&settings, self.motor));
         let model = Model::read(self.model.path())?;
-        let design = design(&settings, self.motor)?;
+        let design = compensator(&settings, self.motor)?;
         let plan = self.plan(&model, &design, compensate, settings.loop_rate_hz)?;
         // Before the work, so that a motor that does not exist or a folder in the way is found early.
         rotorlead_device::path(&settings, self.motor, compensate)?;

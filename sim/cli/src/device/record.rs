@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use miette::Diagnostic;
 use rotorlead::settings::Settings;
-use rotorlead_device::{Calibration, DeviceError, Recorded, Recording, Sensors, Session};
+use rotorlead_device::{
+    Calibration, DeviceError, Header, Keeper as _, Recorded, Recording, Sensors, Session, bench_frame_hz,
+    is_compensated, read_motor_poles,
+};
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::files::AcceptedRange;
@@ -14,7 +17,6 @@ use serde_json::json;
 use thiserror::Error;
 
 use super::folder::ExperimentFolder;
-use super::{bench_frame_hz, is_compensated, own_help};
 use crate::UsageError;
 use crate::outcome::Outcome;
 use crate::parameters::number;
@@ -31,24 +33,23 @@ pub(super) struct Sensor {
     #[arg(long, value_name = "COUNT", value_parser = number(AcceptedRange::NUMBER), allow_negative_numbers = true, requires = "newtons_per_count")]
     zero_count: Option<f64>,
     /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
-    #[arg(long, value_name = "N", value_parser = motor_poles)]
-    pub(super) motor_poles: Option<u8>,
-}
-
-/// Magnets come in pairs.
-fn motor_poles(text: &str) -> Result<u8, String> {
-    let poles = text.parse().ok().filter(|poles: &u8| *poles >= 2 && poles.is_multiple_of(2));
-    poles.ok_or_else(|| "no even number of magnets, 2 to 254: count those on the rotor, 14 in most motors".to_owned())
+    #[arg(long, value_name = "N", value_parser = read_motor_poles)]
+    motor_poles: Option<u8>,
 }
 
 impl Sensor {
     /// For a controller with these settings.
     pub(super) fn sensors(&self, settings: &Settings) -> Result<Sensors, DeviceError> {
-        let thrust = self.newtons_per_count.zip(self.zero_count);
-        let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });
-        let sensors = Sensors { thrust, motor_poles: self.motor_poles, most_rpm: None };
+        let sensors = self.unchecked();
         sensors.check(settings)?;
         Ok(sensors)
+    }
+
+    /// As given.
+    pub(super) fn unchecked(&self) -> Sensors {
+        let thrust = self.newtons_per_count.zip(self.zero_count);
+        let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });
+        Sensors { thrust, motor_poles: self.motor_poles, most_rpm: None }
     }
 }
 
@@ -207,7 +208,8 @@ impl Record {
             .validate()
             .is_ok_and(|settings| settings.output_follows_input() || settings.relays_frames());
         let esc_frame_hz = if follows { f64::from(settings.input.frame_hz) } else { bench_frame_hz(&settings) };
-        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, esc_frame_hz, sensors.output())?;
+        let header = Header::new(&settings, self.motor, divisor, esc_frame_hz, sensors.output())?;
+        let mut folder = ExperimentFolder::new(&self.out, header)?;
         let bar = progress::bar("recording", rows as u64);
         let show = |done| bar.set_position(done as u64);
         let Recorded { recording, mut ended } =
@@ -221,7 +223,7 @@ impl Record {
         let stem = file_stem(record.nominal, record.excitation);
         if let Err(cause) = ended {
             let kept = if there == 0 { "nothing was written".to_owned() } else { self.salvage(&folder, &stem, record) };
-            let help = format!("{}; {kept}", own_help(&cause));
+            let help = format!("{}; {kept}", cause.own_help());
             return Err(RecordingInterrupted { cause, rows: there, wanted: rows, help }.into());
         }
         let file = folder.add(&stem, record)?;

@@ -1,17 +1,14 @@
 //! `rotorlead device set`
 
 use clap::Args;
-use miette::miette;
-use rotorlead::controller::filters;
-use rotorlead::settings::{CompensatorKind, Key};
+use rotorlead::settings::CompensatorKind;
 use rotorlead_answer::words;
-use rotorlead_device::{DeviceError, Session, change};
+use rotorlead_device::{Applied, Session, apply};
 use serde_json::{Map, Value, json};
 
 use super::super::UsageError;
 use super::super::outcome::Outcome;
 use super::compensator::{Changes, CompensatorArguments};
-use super::design_remedy;
 
 #[derive(Args, Debug)]
 pub struct Set {
@@ -28,20 +25,9 @@ pub struct Set {
 impl Set {
     pub fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let Changes { settings: changes, warning } = self.changes()?;
-        // Here rather than by the controller: the reasons are the same, and a design says more.
-        let settings = change(&session.settings()?, &changes)?;
-        filters(&settings).map_err(|error| miette!(help = design_remedy(&error), "{error}"))?;
-        let is_protocol_given = changes.iter().any(|(key, _)| key == Key::OutputProtocol.name());
-        if !is_protocol_given && !session.info()?.outputs_enabled {
-            let help = format!(
-                "set the ESC's protocol in the same command, even where it is standard_pwm: `set output.protocol PROTOCOL {}`",
-                self.pairs.join(" ")
-            );
-            return Err(DeviceError::NotChosen { act: "setting anything else alone", help }.into());
-        }
-        let of_controller = session.set_settings(&settings)?;
+        let Applied { settings, warnings: of_controller } = apply(session, &changes, &self.pairs.join(" "))?;
         let mut warnings: Vec<String> = warning.into_iter().map(|finding| finding.sentence()).collect();
-        warnings.extend(of_controller.iter().map(|warning| warning.to_string()));
+        warnings.extend(of_controller);
         let mut text = String::new();
         for (key, value) in &changes {
             text.push_str(&format!("{key} = {value}, "));

@@ -120,6 +120,9 @@ proptest! {
         let back = Experiment::read(&folder).unwrap();
         // `{:?}` tells zeros of both signs apart, which `==` does not.
         prop_assert_eq!(format!("{back:?}"), format!("{experiment:?}"));
+        let files = experiment.files().unwrap();
+        prop_assert_eq!(Experiment::checksum_in((&files).into()), Experiment::checksum(&folder));
+        prop_assert_eq!(format!("{:?}", Experiment::from_files(&files).unwrap()), format!("{experiment:?}"));
         prop_assert_eq!(back, experiment);
     }
 

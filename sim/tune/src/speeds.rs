@@ -1,4 +1,4 @@
-//! What `device tune --rpm` sets beside an inverse: the speeds that correct it.
+//! What is set with an inverse that is corrected: the speeds that correct it.
 
 use rotorlead::design::SpeedCurve;
 use rotorlead::settings::{Key, SettingId, Settings};

@@ -1,12 +1,18 @@
 //! The web page: the host side as WebAssembly, with what a page of it takes.
 
+mod packages;
+mod test;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::run::{Result, root, run, target_folder};
+use crate::run::{Result, beside, cargo, root, run, target_folder};
 use crate::setup;
+
+pub use packages::{NPM_PACKAGES, has_packages, install_packages};
+pub use test::test;
 
 /// What a browser runs.
 pub const TARGET: &str = "wasm32-unknown-unknown";
@@ -14,9 +20,9 @@ pub const TARGET: &str = "wasm32-unknown-unknown";
 const PROFILE: &str = "web";
 const MODULE: &str = "rotorlead_web";
 
-/// The page's own files, and the folder that has them.
+/// The page's own files.
 const PAGE: &str = "sim/web/page";
-/// What it shares with the one-file report, and its example, by the names that the page has for them.
+/// What it shares with the one-file report, by the names that the page has for them.
 const SHARED: [(&str, &str); 4] = [
     ("sim/report/templates/report.css", "report.css"),
     ("sim/report/templates/figures.js", "figures.js"),
@@ -24,15 +30,16 @@ const SHARED: [(&str, &str); 4] = [
     ("sim/report/vendor/plotly/LICENSE", "plotly-license.txt"),
 ];
 
-/// Builds the page, and says where it is and how much a browser loads.
+/// Builds the page, and a program of cargo's release profile that serves it; says where both are.
 pub fn build() -> Result {
-    let folder = build_page()?;
-    println!("{}", folder.display());
+    let folder = page()?;
+    let program = program(&folder, &["--release"])?;
+    println!("{}\n{}", folder.display(), program.display());
     Ok(())
 }
 
 /// Builds the page, and gives its folder.
-pub fn build_page() -> Result<PathBuf> {
+fn page() -> Result<PathBuf> {
     let toolchain = setup::toolchain(TARGET)?;
     run(&mut toolchain.cargo(&["build", "--locked", "--package", "rotorlead-web", "--lib", "--profile", PROFILE]))?;
     let built = toolchain.folder().join(PROFILE).join(format!("{MODULE}.wasm"));
@@ -43,7 +50,11 @@ pub fn build_page() -> Result<PathBuf> {
     }
     fs::create_dir_all(&folder).map_err(failed)?;
     let mut bindings = Bindgen::new();
-    let bound = bindings.input_path(&built).typescript(false).web(true).and_then(|bindings| bindings.generate(&folder));
+    let bound = bindings
+        .input_path(&built)
+        .typescript(false)
+        .web(true)
+        .and_then(|bindings| bindings.remove_name_section(true).remove_producers_section(true).generate(&folder));
     bound.map_err(|error| format!("{}: {error:#}", built.display()))?;
     for entry in fs::read_dir(root().join(PAGE)).map_err(failed)? {
         let entry = entry.map_err(failed)?;
@@ -53,6 +64,15 @@ pub fn build_page() -> Result<PathBuf> {
         copy(&root().join(from), &folder.join(to))?;
     }
     Ok(folder)
+}
+
+/// Builds a program that serves the page, beside the one without it.
+fn program(page: &Path, profile: &[&str]) -> Result<PathBuf> {
+    let mut build = cargo(&["build", "--locked", "--package", "rotorlead-cli", "--bin", "rotorlead"]);
+    build.args(profile).env("ROTORLEAD_WEB", page);
+    let folder = beside(&mut build, &target_folder());
+    run(&mut build)?;
+    Ok(folder.join(if profile.is_empty() { "debug" } else { "release" }).join("rotorlead"))
 }
 
 fn copy(from: &Path, to: &Path) -> Result {
