@@ -33,7 +33,7 @@ Usage: cargo xtask COMMAND
            writes the sizes of every board's image into the page of that board;
            with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack;
            with --python the wheel of the Python package, in target/wheels;
-           with --web the web page, in target/web, which any host of files serves
+           with --web the web page, in target/web, which any host of files serves, and a program that has it
   emulate  [--board NAME] [PORT] runs that image in its emulator, with its link on a TCP port; an RP2040 with four motors
            whose ESCs answer, for `rotorlead device tune`
   flash    flashes that image with a debug probe, and shows its log
@@ -47,6 +47,8 @@ Usage: cargo xtask COMMAND
   library  the library as another firmware takes it: without a board, with features alone, for the smallest core, as a package;
            a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
+  web      [--numbers [DIR ...]] the web page, driven in a browser; a part of test; with --numbers instead what it says of the logs of
+           the tests, and of folders of experiments, is compared with what the program says, to 1e-9, and timed
   statistics
            decides at full count what is claimed of estimates: coverage, spread, bias, orders; and ends every command that writes
            at many times; some hours. REPEATS and CASE
@@ -109,6 +111,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["emulate", port] => Box::new(move || firmware::emulate(board::default()?, port)),
         ["flash"] => Box::new(firmware::flash),
         ["python"] => Box::new(python::test),
+        ["web", options @ ..] => Box::new(move || web::test(options)),
         ["library"] => Box::new(library::check),
         ["test"] => Box::new(|| test::all(false)),
         ["test", "--setup"] => Box::new(|| test::all(true)),

@@ -136,6 +136,11 @@ fn needs() -> Result<Vec<Need>> {
         install: Box::new(|| apt::install(&[COMPILERS_PACKAGE])),
     });
     needs.extend(rp2040_needs());
+    needs.push(Need {
+        name: web::NPM_PACKAGES.map(|(name, version)| format!("{name} {version}")).join(", "),
+        is_there: Box::new(web::has_packages),
+        install: Box::new(web::install_packages),
+    });
     needs.extend(python_needs());
     needs.push(Need {
         name: BROWSER_PACKAGE.to_owned(),
@@ -156,8 +161,8 @@ fn rp2040_needs() -> [Need; 3] {
         },
         Need {
             name: NPM.to_owned(),
-            // Needed only for the package.
-            is_there: Box::new(move || has_package() || runs(NPM, &["--version"])),
+            // Needed only for packages.
+            is_there: Box::new(move || has_package() && web::has_packages() || runs(NPM, &["--version"])),
             install: Box::new(|| apt::install(&[NPM])),
         },
         Need {

@@ -96,7 +96,7 @@ impl Times {
         let checks = lints().commands.into_iter().chain(last).chain(costs);
         self.beside([
             part("host tests", [tests()]),
-            part("Python package", [xtask("python")]),
+            part("Python package and web page", [xtask("python"), xtask("web")]),
             part("lints, documentation, library, image and instruction counts", checks),
         ])?;
         // Alone: the emulated time does not wait for a busy machine.

@@ -52,7 +52,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 18] = [
+const PAGES: [Page; 19] = [
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
@@ -67,6 +67,7 @@ const PAGES: [Page; 18] = [
     page("docs/board-rp2040.md", 4),
     page("docs/c-interface.md", 2),
     page("docs/python.md", 2),
+    page("docs/web.md", 3),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
     page("docs/export.md", 8),

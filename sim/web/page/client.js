@@ -118,7 +118,7 @@ export class MotorEngine {
     const apart = new Engine();
     try {
       const { error } = await apart.ask({ files, ask: { ask: "read", options } });
-      return error && !error.missing?.length ? error : null;
+      return error && !error.missing?.length && !error.columns?.length ? error : null;
     } finally {
       apart.end();
     }

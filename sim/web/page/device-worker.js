@@ -1,6 +1,6 @@
 // The conversation with the box, in a thread of its own: its program waits for the line as it does on a desktop.
 
-import init, { Device, facts } from "./rotorlead_device.js";
+import init, { Device, facts } from "./rotorlead_web.js";
 import { take } from "./device-host.js";
 
 let device = null;

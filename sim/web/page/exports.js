@@ -31,7 +31,7 @@ export function exportsOf({ targets }, get) {
 }
 
 function stackExport(targets, get) {
-  const list = element("select", { className: "targets" }, targets.map(({ name, about }) => element("option", { value: name, textContent: `${name}: ${about}` })));
+  const list = element("select", { className: "targets" }, targets.map(({ name, about }) => element("option", { value: name, textContent: `${name}: ${about.replaceAll("`", "")}` })));
   const compensated = element("input", { type: "checkbox" });
   const shown = element("div", { className: "exported" });
   const show = async () => {

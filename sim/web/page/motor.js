@@ -30,6 +30,8 @@ export class Motor {
   #isDiagnosed = false;
   #engine = new MotorEngine((reason, restored) => this.#broke(reason, restored));
   #job = null;
+  // The files that are being read, until they are.
+  #next = null;
   #logs = element("ul", { className: "chips", ariaLabel: "Logs of this motor" });
   #busy = element("div", { className: "busy", hidden: true });
   #asked = element("div");
@@ -46,7 +48,7 @@ export class Motor {
   /** Takes further files: all, or where some are no logs the others. */
   async add(added) {
     forgive();
-    const error = await this.#read([...this.files, ...added], this.#options);
+    const error = await this.#read([...(this.#next ?? this.files), ...added], this.#options);
     if (!error) return;
     const wrong = added.length > 1 && !isExperiment(added) ? await this.#wrong(added) : [];
     if (!wrong.length) {
@@ -71,13 +73,18 @@ export class Motor {
 
   /** Reads these files, and answers; an error that no answer of the reader would mend is given back. */
   async #read(files, options) {
+    this.#next = files;
     const read = await this.#during("reading", (watch) => this.#engine.read(files, options, watch));
+    // Others are read meanwhile.
+    if (this.#next !== files) return null;
+    this.#next = null;
     if (!read) {
       if (!this.files.length) this.#changed();
       return null;
     }
     if (read.error) {
-      if (!read.error.missing?.length) return read.error;
+      // A table that is read otherwise may be a log.
+      if (!read.error.missing?.length && !read.error.columns?.length) return read.error;
       this.#ask(files, options, read.error);
       return null;
     }
@@ -156,7 +163,7 @@ export class Motor {
       return answer;
     } catch (error) {
       if (!(error instanceof Ended)) throw error;
-      if (error.reason === null) say(`${this.name}: stopped.`);
+      if (error.reason === null && this.#job === mine) say(`${this.name}: stopped.`);
       return null;
     } finally {
       clearInterval(clock);
@@ -185,16 +192,19 @@ export class Motor {
 
   #showLogs() {
     this.#asked.replaceChildren();
-    this.#logs.replaceChildren(...this.files.map((file) => element("li", {},
+    // An experiment's folder is one.
+    const shown = isExperiment(this.files) ? [{ name: `${this.name}, ${this.files.length} files`, file: null }] : this.files;
+    this.#logs.replaceChildren(...shown.map((file) => element("li", {},
       element("span", { className: "mono", textContent: file.name }),
       button("✕", () => this.#remove(file), { className: "remove", ariaLabel: `Remove ${file.name}`, title: `Remove ${file.name}` }))));
   }
 
   async #remove(file) {
     forgive();
-    const files = this.files.filter((one) => one !== file);
-    if (!files.length) {
-      this.files = files;
+    const files = (this.#next ?? this.files).filter((one) => one !== file);
+    if (!files.length || isExperiment(this.files)) {
+      this.#stop();
+      this.files = [];
       this.#changed();
       return;
     }
@@ -208,7 +218,7 @@ export class Motor {
       choices: this.#choices,
       columns: error.columns?.length ? error.columns : this.#columns(),
       options,
-      missing: error.missing,
+      missing: error.missing ?? [],
       answered: async (said) => {
         forgive();
         const wrong = await this.#read(files, said);
@@ -256,7 +266,7 @@ export class Motor {
       element("div", { innerHTML: done }),
       commandList(commands));
     this.#changed();
-    say(this.#results.querySelector(".verdict .headline").textContent);
+    say(`${this.name}: done.`);
   }
 
   #aboutLogs() {

@@ -22,7 +22,7 @@ export function questions({ choices, columns, options, missing = [], answered, l
   const wanted = new Set(missing.map(({ option }) => option));
   if (wanted.has("excitation")) wanted.add("period");
   const fields = [
-    ...(columns.length ? [columnsField(choices, columns, options.column ?? [], missing)] : []),
+    ...(columns.length || wanted.has("column") ? [columnsField(choices, columns, options.column ?? [], missing)] : []),
     excitationField(choices, options.excitation, wanted.has("excitation")),
     ...Object.entries(NUMBERS).map(([name, [label, step]]) => numberField(name, label, step, options[name])),
     ...Object.entries(RANGES).map(([name, label]) => rangeField(name, label, options[name])),
@@ -37,7 +37,7 @@ export function questions({ choices, columns, options, missing = [], answered, l
       ? element("details", {}, element("summary", { textContent: "What else can be said" }), laidOut(rest))
       : laidOut(rest),
     element("p", { className: "row" }, element("button", { className: "main", textContent: "Read it so" }),
-      ...(left ? [" ", button("Leave it", left)] : [])));
+      ...(left ? [" ", button("Leave it", left, { className: "leave" })] : [])));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const said = fields.map(({ name, value }) => [name, value()]);
@@ -117,8 +117,12 @@ function choice(quantity, stated, missing) {
 }
 
 function columnRow(quantity, units, columns, { header, unit, turned, isWanted }) {
+  const ariaLabel = `Column of the ${quantity}`;
   const known = columns.includes(header) || !header ? columns : [header, ...columns];
-  const which = menu([["", isWanted ? "choose" : "by its name"], ...known.map((name) => [name, name])], header, { ariaLabel: `Column of the ${quantity}` });
+  // Where the columns are not known their names are written.
+  const which = known.length
+    ? menu([["", isWanted ? "choose" : "by its name"], ...known.map((name) => [name, name])], header, { ariaLabel })
+    : element("input", { type: "text", value: header, placeholder: "name in the log", ariaLabel });
   const what = menu([["", "unit"], ...units.map((name) => [name, name])], unit, { ariaLabel: `Unit of the ${quantity}` });
   const sign = element("input", { type: "checkbox", checked: turned, ariaLabel: `Turn the sign of the ${quantity}` });
   const turn = element("label", { className: "check" }, sign, " minus");
@@ -130,6 +134,7 @@ function columnRow(quantity, units, columns, { header, unit, turned, isWanted })
     what.hidden = isOpen;
     turn.hidden = isOpen;
   };
+  which.addEventListener("input", adapt);
   which.addEventListener("change", adapt);
   adapt();
   return { shown, value: () => (which.value ? `${quantity}=${which.value}:${sign.checked ? "-" : ""}${what.value}` : null) };

@@ -50,19 +50,20 @@ export function sectionOf(section) {
 function shape(root) {
   const figures = [...root.querySelectorAll("figure")].map((figure) => [
     figure.id,
-    ...[...figure.querySelectorAll("button.series")].map((button) => button.dataset.series),
+    figure.querySelectorAll("button.series").length,
     ...[...figure.querySelectorAll(".plot")].map((plot) => plot.dataset.x),
   ]);
   return JSON.stringify([texts(root).map(({ tagName }) => tagName), figures]);
 }
 
-/** All that is no figure, in its order, and the words of figures. */
+/** All that is no figure, in its order, and the words of figures and their legends. */
 function texts(root) {
-  return [...root.querySelectorAll(":scope > section > :not(figure), figure > h3, figure > .panel, figure > figcaption")];
+  return [...root.querySelectorAll(":scope > section > :not(figure), figure > h3, figure > .panel, figure > figcaption, button.series")];
 }
 
 function replaceText(old, fresh) {
   if (old.innerHTML !== fresh.innerHTML) old.innerHTML = fresh.innerHTML;
+  if (fresh.dataset.series) old.dataset.series = fresh.dataset.series;
 }
 
 /** Fits what stands in an element to its width, which may have changed while it was out of the page. */

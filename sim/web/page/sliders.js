@@ -34,6 +34,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
   const pump = async () => {
     if (busy) return;
     busy = true;
+    controls.setAttribute("aria-busy", "true");
     while (next) {
       const request = next;
       next = null;
@@ -44,6 +45,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
       await new Promise(requestAnimationFrame);
     }
     busy = false;
+    controls.removeAttribute("aria-busy");
   };
   const show = ({ section, table: html, refused, says: words }) => {
     showSection(pictures, section);
@@ -85,9 +87,9 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
 
   const [section] = answer.sections;
   showSection(pictures, section);
-  if (kind === "inverse") ask();
   const controls = element("div", { className: "tuning", attributes: { role: "group", "aria-label": "What is tried" } },
     element("label", { className: "slider", htmlFor: slider.id }, element("span", { textContent: "Natural frequency of the inverse" }), slider, reading),
     purposes, kinds);
+  if (kind === "inverse") ask();
   return element("div", {}, pictures, controls, says, table);
 }

@@ -1,5 +1,7 @@
 // One motor in a thread of its own: its logs, and what was made of them. Whoever wants it to stop ends the thread.
 
+// First: what the engine takes of a browser.
+import "./promises.js";
 import init, { Motor, choices, fleet } from "./rotorlead_web.js";
 
 let motor = null;

@@ -5,7 +5,6 @@
 //! [`motor`] have them; both go through [`rotorlead_results`], so that the numbers are those of the command line.
 
 mod choices;
-#[cfg(feature = "device")]
 pub mod device;
 mod fault;
 mod fleet;

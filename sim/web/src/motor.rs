@@ -49,10 +49,10 @@ impl Motor {
     /// Answers a question. `watch` gets what is done now, and how many steps of it are done.
     pub fn ask(&mut self, request: &Request, watch: &dyn Fn(&str, u32)) -> Result<Value, Fault> {
         match request {
-            Request::Read { options } => {
+            Request::Read { options, held_out } => {
                 watch("reading", 0);
                 (self.answered, self.shown) = (None, None);
-                let taken = self.taken.insert(self.given.read(options)?);
+                let taken = self.taken.insert(self.given.read(options, held_out)?);
                 Ok(json!({
                     "name": taken.experiment.name,
                     "response": taken.experiment.output.option(),

@@ -17,6 +17,9 @@ pub enum Request {
     Read {
         #[serde(default)]
         options: Map<String, Value>,
+        /// Logs to which nothing is fitted: they judge what the others gave.
+        #[serde(default)]
+        held_out: Vec<String>,
     },
     /// All that they say.
     Answer {

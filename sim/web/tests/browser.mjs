@@ -1,7 +1,7 @@
 // The page in headless Chromium: what is done to it, and what it shows.
 
 import { existsSync } from "node:fs";
-import { mkdir } from "node:fs/promises";
+import { mkdir, readFile, rm } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { delimiter, join } from "node:path";
 
@@ -11,6 +11,10 @@ const FLAGS = [
   "--disable-background-timer-throttling", "--disable-backgrounding-occluded-windows", "--disable-component-update", "--disable-default-apps",
   "--disable-quic", "--disable-renderer-backgrounding", "--disable-sync", "--hide-scrollbars", "--mute-audio", "--no-first-run",
 ];
+/** Longest wait for a page to start. */
+const START_WITHIN_MS = 10_000;
+/** Height of the pieces in which a long page is kept. */
+const PIECE = 1600;
 export const WIDE = { width: 1280, height: 900 };
 export const NARROW = { width: 390, height: 844, isMobile: true, hasTouch: true };
 
@@ -41,7 +45,11 @@ export class Browser {
     await page.setViewport(viewport);
     await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: dark ? "dark" : "light" }]);
     await page.goto(address);
-    if (isReady) await page.waitForSelector("html[data-ready]");
+    if (isReady) {
+      await page.waitForSelector("html[data-ready]", { timeout: START_WITHIN_MS }).catch((error) => {
+        throw new Error(`the page does not start: ${opened.complaints.join("\n")}`, { cause: error });
+      });
+    }
     return opened;
   }
 
@@ -108,6 +116,14 @@ export class OpenPage {
     });
   }
 
+  /** Drops a log that says all of itself, and waits for what it says. */
+  async take(file) {
+    await this.drop(file);
+    const shown = await this.shown();
+    if (shown.asked || shown.alerts.length) throw new Error(`${file}: ${shown.asked}${shown.alerts}`);
+    return shown;
+  }
+
   /** Answers what is asked of a log, as `rotorlead import` has its options. */
   async answer(options) {
     await this.page.waitForSelector(".ask form");
@@ -123,6 +139,7 @@ export class OpenPage {
   async #fill(selector, options) {
     await this.page.evaluate((selector, options) => {
       const form = document.querySelector(selector);
+      if (!form) throw new Error(`there is no ${selector}`);
       const set = (control, value) => {
         control.value = value;
         if (control.value !== value) throw new Error(`${control.ariaLabel ?? control.name} has no ${value}`);
@@ -141,9 +158,34 @@ export class OpenPage {
     }, selector, options);
   }
 
+  /** Waits until what was asked is shown. */
+  async settled() {
+    await this.until(() => document.querySelector(".busy").hidden && !document.querySelector(".tuning[aria-busy=true]"));
+  }
+
+  /** Has a file of the page's, and gives its text. */
+  async download(name, folder) {
+    const file = join(folder, name);
+    await rm(file, { force: true });
+    await this.click(name);
+    for (let k = 0; k < 400; k += 1) {
+      const text = await readFile(file, "utf8").catch(() => "");
+      if (text) return text;
+      await new Promise((resolve) => setTimeout(resolve, 25));
+    }
+    throw new Error(`${name} does not come`);
+  }
+
+  /** Removes the logs of the motor that is shown, and what was complained of. */
+  async clear() {
+    await this.page.evaluate(() => {
+      for (const name of [".remove", ".ask .leave", ".notice button"]) document.querySelectorAll(name).forEach((button) => button.click());
+    });
+    await this.until(() => !document.querySelector("[role=tab], .ask, .notice"));
+  }
+
   /** What axe finds that is serious. */
   async barriers() {
-    const { readFile } = await import("node:fs/promises");
     await this.page.evaluate(await readFile(this.axe, "utf8"));
     return this.page.evaluate(async () => {
       const { violations } = await axe.run(document, { resultTypes: ["violations"] });
@@ -171,7 +213,15 @@ export class OpenPage {
     await mkdir(folder, { recursive: true });
     if (fullPage) await this.drawn();
     await new Promise((resolve) => setTimeout(resolve, 200));
-    await this.page.screenshot({ path: join(folder, `${name}.png`), fullPage });
+    if (!fullPage) {
+      await this.page.screenshot({ path: join(folder, `${name}.png`) });
+      return;
+    }
+    const { width, height } = await this.page.evaluate(() => ({ width: innerWidth, height: document.documentElement.scrollHeight }));
+    for (let y = 0; y < height; y += PIECE) {
+      const clip = { x: 0, y, width, height: Math.min(PIECE, height - y) };
+      await this.page.screenshot({ path: join(folder, `${name}-${y / PIECE}.png`), clip, captureBeyondViewport: true });
+    }
   }
 
   async close() {

@@ -5,14 +5,14 @@ const staircase = { excitation: "staircase" };
 
 /** Where a log lies below the folder of data, its options, and `refused` where it is none. */
 export const CASES = [
-  { log: "alspitz_esc_test/Log_2019-11-05_171350.csv", options: staircase },
-  { log: "alspitz_esc_test/Log_2019-11-07_184325.csv", options: staircase },
-  { log: "alspitz_esc_test/Log_2019-11-09_181347.csv", options: staircase },
-  { log: "alspitz_esc_test/esc32v3_f60-1.csv", options: staircase },
-  { log: "alspitz_esc_test/f40_steps_5-2.csv", options: staircase },
+  { log: "alspitz_esc_test/Log_2019-11-05_171350.csv", options: {} },
+  { log: "alspitz_esc_test/Log_2019-11-07_184325.csv", options: {} },
+  { log: "alspitz_esc_test/Log_2019-11-09_181347.csv", options: {} },
+  { log: "alspitz_esc_test/esc32v3_f60-1.csv", options: {} },
+  { log: "alspitz_esc_test/f40_steps_5-2.csv", options: {} },
   { log: "sar_simulation/micro_2023-12-17_162234.csv", options: { ...staircase, column: ["command=ESC signal:dshot"] } },
   { log: "sar_simulation/so_v5_2023-12-13_130935.csv", options: { ...staircase, column: ["command=ESC signal:dshot"] } },
-  { log: "sar_simulation/so_v5_steps_2024-02-06_103903.csv", options: staircase },
+  { log: "sar_simulation/so_v5_steps_2024-02-06_103903.csv", options: {} },
   { log: "cases/command-stamps-dropped/log.bin", options: {} },
   { log: "cases/command-stamps-dropped/log.ulg", options: {} },
   { log: "cases/curved-map-blamed-on-heat/log.csv", options: { ...staircase, column: ["command=command:duty"] } },

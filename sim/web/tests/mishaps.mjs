@@ -16,9 +16,7 @@ export function mishaps({ browser, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
   const motor = async (options) => {
     const page = await browser.open(options);
-    await page.drop(f60);
-    await page.answer({ excitation: "staircase" });
-    await page.shown();
+    await page.take(f60);
     return page;
   };
   const inFolder = (run) => async () => {
@@ -41,9 +39,8 @@ export function mishaps({ browser, data }) {
       assert.equal(await page.page.$$eval("[role=tab]", (tabs) => tabs.length), 0);
       await page.picture("wrong-file");
 
-      await page.drop(f60);
-      await page.answer({ excitation: "staircase" });
-      const before = await page.shown();
+      await page.click("Dismiss");
+      const before = await page.take(f60);
       await page.drop(wrong);
       await page.page.waitForSelector("dialog");
       await page.picture("whose", { fullPage: false });

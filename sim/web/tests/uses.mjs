@@ -1,72 +1,175 @@
-// What is done with a log: sliders, diagnosis, files, several motors.
+// What is done with a log: sliders, diagnosis, files, exports, several motors.
 
 import assert from "node:assert/strict";
 import { execFile } from "node:child_process";
-import { mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { mkdtemp, readdir, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { promisify } from "node:util";
 
 const run = promisify(execFile);
-/** A frame of a slow screen, and the longest wait for what a slider shows. */
+/** Most frames that may take longer than this while a slider moves. */
 const FRAME_MS = 50;
 
 export function uses({ browser, program, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
-  const f40 = join(data, "alspitz_esc_test/f40_steps_5-2.csv");
-  const of = async (...files) => {
-    const page = await browser.open();
-    for (const file of files) {
-      await page.drop(file);
-      if (file !== files[0]) await page.click("Another motor");
-      await page.page.waitForSelector(".ask form");
-      await page.answer({ excitation: "staircase" });
-      await page.until((count) => document.querySelectorAll("[role=tab]").length >= count && document.querySelector(".busy").hidden && document.querySelector(".results .verdict"), files.indexOf(file) + 1);
-    }
-    return page;
-  };
+  const small = join(data, "cases/command-stamps-dropped/log.bin");
+  const other = join(data, "cases/motor-2-moves/log.bin");
   const test = (name, run) => ({ name, run });
+  const ended = async (page) => {
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  };
   return [
     test("the example is a log", async () => {
       const page = await browser.open();
       await page.click("Take the example");
       const { headline, asked } = await page.shown();
       assert.equal(asked, "");
-      assert.match(headline, /ms/);
-      assert.deepEqual(page.complaints, []);
+      assert.match(headline, /\d+ ms/);
       await page.picture("example");
-      await page.close();
+      await ended(page);
       return headline;
     }),
-    test("a slider moves both pictures, and what is hidden stays so", async () => {
-      const page = await of(f60);
+    test("a slider moves both pictures; what is hidden, zoomed and in focus stays so", async () => {
+      const page = await browser.open();
+      await page.take(f60);
       const { page: tab } = page;
-      await tab.waitForSelector(".to-fly .plot .scatterlayer");
-      const seen = () => tab.evaluate(() => [...document.querySelectorAll(".to-fly .plot")].map((plot) => plot.data.filter(({ legendgroup, visible }) => legendgroup?.includes("inverse") && visible !== false).map(({ y }) => y.join())));
       await tab.focus("input.natural");
-      const before = await seen();
-      // Off with a curve that stays: the bare motor's.
-      await tab.evaluate(() => document.querySelector(".to-fly button.series").click());
-      const hidden = () => tab.evaluate(() => [...document.querySelectorAll(".to-fly .plot")].every((plot) => plot.data.some(({ visible }) => visible === false)));
-      assert.ok(await hidden());
-      for (let k = 0; k < 20; k += 1) await tab.keyboard.press("ArrowLeft");
+      await tab.keyboard.press("ArrowLeft");
       await page.until(() => document.querySelector(".gains table"));
-      await new Promise((resolve) => setTimeout(resolve, 500));
-      const after = await seen();
-      assert.equal(before.length, after.length);
-      assert.ok(after.every((curves, place) => curves.join() !== before[place].join()), "a picture did not move");
-      assert.ok(await hidden(), "what was hidden came back");
-      assert.ok(await tab.evaluate(() => document.activeElement.matches("input.natural")), "the focus was lost");
-      const shown = await tab.evaluate(() => document.querySelector(".slider output").textContent);
-      // The file is of the frequency that is shown.
-      const { text } = await tab.evaluate(() => null) ?? {};
-      void text;
+      await page.drawn();
+      await tab.focus("input.natural");
+      const curves = () => tab.evaluate(() => [...document.querySelectorAll(".to-fly .plot")]
+        .map((plot) => plot.data.filter(({ legendgroup }) => legendgroup?.startsWith("inverse")).map(({ y }) => y.join()).join("|")));
+      const before = await curves();
+      assert.ok(before.length >= 3 && before.every((text) => text.length > 100), "no inverse is drawn");
+      // The bare motor's curve is hidden, and the step looked at more closely.
+      await tab.evaluate(() => document.querySelector(".to-fly button.series").click());
+      await tab.evaluate(() => Plotly.relayout(document.querySelector(".to-fly .plot"), { "xaxis.range": [0, 100] }));
+      await tab.evaluate(() => document.querySelector(".to-fly button.cursors").click());
+      for (let k = 0; k < 20; k += 1) await tab.keyboard.press("ArrowLeft");
+      await page.until((before) => [...document.querySelectorAll(".to-fly .plot")].every((plot, place) => {
+        const now = plot.data.filter(({ legendgroup }) => legendgroup?.startsWith("inverse")).map(({ y }) => y.join()).join("|");
+        return now && now !== before[place];
+      }), before);
+      await page.settled();
+      const kept = await tab.evaluate(() => ({
+        isHidden: [...document.querySelectorAll(".to-fly figure:first-of-type .plot")].every((plot) => plot.data.some(({ visible }) => visible === false)),
+        range: document.querySelector(".to-fly .plot").layout.xaxis.range.map(Math.round),
+        lines: document.querySelectorAll(".to-fly .plot .shapelayer path").length,
+        isFocused: document.activeElement.matches("input.natural"),
+        legend: [...document.querySelectorAll(".to-fly button.series")].map((button) => button.textContent),
+        reading: document.querySelector(".slider output").textContent,
+      }));
+      assert.deepEqual({ ...kept, legend: null, reading: null }, { isHidden: true, range: [0, 100], lines: 2, isFocused: true, legend: null, reading: null });
+      // The inverse is named after what the slider says.
+      const natural = Number.parseFloat(kept.reading);
+      assert.ok(kept.legend.some((name) => name === `inverse ${natural.toFixed(0)}`), `${kept.legend} at ${kept.reading}`);
       const frames = await slide(tab);
+      await page.settled();
       await page.picture("slider");
-      assert.deepEqual(page.complaints, []);
-      await page.close();
+      await ended(page);
+      const sorted = [...frames].sort((a, b) => a - b);
       const slow = frames.filter((ms) => ms > FRAME_MS).length;
-      return `at ${shown}; ${frames.length} frames, median ${median(frames).toFixed(0)} ms, longest ${Math.max(...frames).toFixed(0)} ms, ${slow} over ${FRAME_MS} ms`;
+      return `${frames.length} frames, median ${sorted[frames.length >> 1].toFixed(0)} ms, longest ${sorted.at(-1).toFixed(0)} ms, ${slow} over ${FRAME_MS} ms`;
+    }),
+    test("purpose and kind decide what is designed, and the files are of it", async () => {
+      const folder = await mkdtemp(join(tmpdir(), "page-"));
+      const page = await browser.open();
+      await page.take(small);
+      await page.cdp.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder, browserContextId: page.page.browserContext().id });
+      await page.click("the lead", ".radios label");
+      await page.settled();
+      const lead = await page.download("compensator.toml", folder);
+      assert.match(lead, /^zero_rad_s = /m);
+      await page.click("a rate loop", ".radios label");
+      await page.settled();
+      await page.page.focus("input.natural");
+      await page.page.keyboard.press("ArrowRight");
+      await page.settled();
+      const natural = await page.page.$eval(".slider output", (output) => Number.parseFloat(output.textContent));
+      const inverse = await page.download("compensator.toml", folder);
+      const found = inverse.match(/natural_rad_s = ([\d.]+)|omega_f_rad_s = ([\d.]+)/);
+      assert.ok(found && Math.abs(Number(found[1] ?? found[2]) - natural) < 1e-6 * natural, `${natural}: ${inverse.slice(0, 600)}`);
+      const model = await page.download("model.toml", folder);
+      assert.match(model, /^time_constant_s = /m);
+      assert.match(await page.download("compensator.h", folder), /#define|static const|const /);
+      assert.match(await page.download("report.html", folder), /^<!doctype html>/);
+      // The program takes both.
+      await run(program, ["bandwidth", "--model", join(folder, "model.toml"), "--compensator", join(folder, "compensator.toml"), "--json", join(folder, "b.json")]);
+      assert.ok((await readdir(folder)).includes("b.json"));
+      await rm(folder, { recursive: true });
+      await ended(page);
+      return `inverse of ${natural} rad/s`;
+    }),
+    test("every export is shown, or says why there is none", async () => {
+      const page = await browser.open();
+      await page.take(small);
+      const names = await page.page.$$eval(".targets option", (options) => options.map(({ value }) => value));
+      const shown = [];
+      for (const name of names) {
+        await page.page.select(".targets", name);
+        await page.click("Show");
+        const text = await page.until(() => document.querySelector(".exported")?.innerText);
+        assert.ok(text.length > 20, `${name}: ${text}`);
+        shown.push(/Download/.test(text) ? name : `${name} (refused: ${text.slice(0, 60)})`);
+      }
+      assert.ok(shown.filter((one) => !one.includes("refused")).length > names.length / 2, shown.join(", "));
+      await page.picture("export");
+      await ended(page);
+      return shown.join(", ");
+    }),
+    test("a diagnosis says what is missing, with its pictures", async () => {
+      const page = await browser.open();
+      await page.take(small);
+      await page.click("Diagnose");
+      await page.until(() => document.querySelector("#diagnosis figure") && document.querySelector(".busy").hidden);
+      await page.drawn();
+      const plots = await page.page.$$eval("#diagnosis .plot .scatterlayer path", (paths) => paths.length);
+      assert.ok(plots > 0);
+      await page.picture("diagnosis");
+      await ended(page);
+      return page.page.isClosed() ? "drawn" : "";
+    }),
+    test("motors stand side by side, and are compared", async () => {
+      const page = await browser.open();
+      await page.take(small);
+      await page.drop(other);
+      await page.click("Another motor");
+      await page.until(() => document.querySelectorAll("[role=tab]").length === 3 && document.querySelector(".busy").hidden && document.querySelector(".results .verdict"));
+      const names = await page.page.$$eval("[role=tab]", (tabs) => tabs.map((tab) => tab.textContent));
+      // By keyboard, as tabs are.
+      await page.page.focus("[role=tab][aria-selected=true]");
+      await page.page.keyboard.press("End");
+      await page.until(() => document.querySelector("#panel .verdict .headline"));
+      const compared = await page.page.$eval("#panel", (panel) => panel.innerText);
+      for (const name of names.slice(0, 2)) assert.ok(compared.includes(name), `${name} is not in ${compared}`);
+      assert.deepEqual(await page.barriers(), []);
+      await page.picture("comparison");
+      await page.page.keyboard.press("Home");
+      await page.until(() => document.querySelector(".results .verdict"));
+      await ended(page);
+      return names.join(", ");
+    }),
+    test("a folder of an experiment is taken as one", async () => {
+      const folder = await mkdtemp(join(tmpdir(), "page-"));
+      const experiment = join(folder, "stand");
+      await run(program, ["import", small, "--out", experiment]);
+      const expected = JSON.parse((await run(program, ["identify", experiment, "--out", join(folder, "m.toml"), "--json", "-"])).stdout);
+      const page = await browser.open();
+      await page.drop(experiment);
+      const { headline } = await page.shown();
+      assert.ok(headline.endsWith(expected.judgement.state), `${headline}: ${expected.judgement.state}`);
+      await page.clear();
+      // Chosen, not dropped.
+      const chooser = await page.page.$("#choose-folder");
+      await chooser.uploadFile(experiment);
+      const chosen = await page.shown();
+      assert.equal(chosen.headline, headline);
+      await rm(folder, { recursive: true });
+      await ended(page);
+      return headline;
     }),
   ];
 }
@@ -78,7 +181,7 @@ async function slide(tab) {
     const frames = [];
     let last = performance.now();
     for (let k = 0; k < 120; k += 1) {
-      slider.value = 200 + Math.round(120 * Math.sin(k / 12));
+      slider.value = 250 + Math.round(100 * Math.sin(k / 12));
       slider.dispatchEvent(new Event("input", { bubbles: true }));
       await new Promise(requestAnimationFrame);
       const now = performance.now();
@@ -89,5 +192,3 @@ async function slide(tab) {
   });
 }
 
-const median = (numbers) => [...numbers].sort((a, b) => a - b)[Math.floor(numbers.length / 2)];
-void [run, mkdtemp, readFile, writeFile, tmpdir];

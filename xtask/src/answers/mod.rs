@@ -18,7 +18,7 @@ use flate2::write::GzEncoder;
 use serde_json::Value;
 
 use crate::run::{Result, cargo, command, release_folder, root, run, target_folder};
-use compare::{Comparison, Renamed, Tolerance};
+pub use compare::{Comparison, Renamed, Tolerance};
 
 /// Where scripts, answers and the table of renamed keys lie.
 const FOLDER: &str = "host-tests/answers";

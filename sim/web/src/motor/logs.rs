@@ -6,7 +6,7 @@ use rotorlead_records::files::{FilesInMemory, InputFolder, checksum};
 use rotorlead_records::import::{
     Import, ImportError, ImportOptions, ImportSummary, import_bytes, shell_word, table_columns,
 };
-use rotorlead_records::{Experiment, Finding};
+use rotorlead_records::{Experiment, Finding, Role};
 use rotorlead_results::Logs;
 use serde_json::{Map, Value};
 
@@ -57,12 +57,16 @@ impl Given {
     }
 
     /// Takes them.
-    pub fn read(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
-        if self.files.contains_key(MANIFEST) { self.read_folder(options) } else { self.read_logs(options) }
+    pub fn read(&self, options: &Map<String, Value>, held_out: &[String]) -> Result<Taken, Fault> {
+        if self.files.contains_key(MANIFEST) {
+            self.read_folder(options, held_out)
+        } else {
+            self.read_logs(options, held_out)
+        }
     }
 
-    fn read_folder(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
-        if let Some(option) = options.keys().next() {
+    fn read_folder(&self, options: &Map<String, Value>, held_out: &[String]) -> Result<Taken, Fault> {
+        if let Some(option) = options.keys().chain(held_out).next() {
             let message = format!("`{option}` says what is in a log, and these are the files of an experiment");
             return Err(Fault::new(message, format!("leave it out: {MANIFEST} says it")));
         }
@@ -76,7 +80,7 @@ impl Given {
         })
     }
 
-    fn read_logs(&self, options: &Map<String, Value>) -> Result<Taken, Fault> {
+    fn read_logs(&self, options: &Map<String, Value>, held_out: &[String]) -> Result<Taken, Fault> {
         let typed = typed(options);
         let options = import_options(options)?;
         let paths: Vec<PathBuf> = self.names.iter().map(PathBuf::from).collect();
@@ -87,7 +91,10 @@ impl Given {
                 miette::miette!("one of the logs is not taken")
             })
         });
-        let logs = logs.map_err(|error| fault.unwrap_or_else(|| error.into()))?;
+        let mut logs = logs.map_err(|error| fault.unwrap_or_else(|| error.into()))?;
+        if !held_out.is_empty() {
+            hold_out(&mut logs.experiment, &self.names, held_out)?;
+        }
         // What a folder with these records would be refused for.
         logs.experiment.check()?;
         let sum = match &self.names[..] {
@@ -127,6 +134,21 @@ impl Given {
             ],
         }
     }
+}
+
+/// Has the records of these logs be held out.
+fn hold_out(experiment: &mut Experiment, names: &[String], held_out: &[String]) -> Result<(), Fault> {
+    if experiment.records.len() != names.len() {
+        return Err(Fault::new("a log of several motors is not held out", "hold out a log with one record"));
+    }
+    let is_held_out = |name: &String| held_out.contains(name);
+    if names.iter().all(is_held_out) {
+        return Err(Fault::new("all runs are held out, and nothing can be fitted", "leave one to be fitted"));
+    }
+    for (record, _) in experiment.records.iter_mut().zip(names).filter(|(_, name)| is_held_out(name)) {
+        record.role = Some(Role::Validate);
+    }
+    Ok(())
 }
 
 /// Options as they are typed.
