@@ -5,25 +5,21 @@
 
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { createRequire } from "node:module";
-import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
-import http from "node:http";
+import { cp, mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import net from "node:net";
 import { tmpdir } from "node:os";
 import path from "node:path";
 import readline from "node:readline";
 import { fileURLToPath } from "node:url";
 
-const [folder, modules, rotorlead, picoProgram] = process.argv.slice(2);
-const load = createRequire(path.join(path.resolve(modules), "x.js"));
-const puppeteer = load("puppeteer-core");
-const axe = await readFile(load.resolve("axe-core/axe.min.js"), "utf8");
+import { Browser, NARROW, OpenPage, WIDE } from "./browser.mjs";
+import { serve } from "./serve.mjs";
+
+const [folder, modules, rotorlead, picoProgram] = process.argv.slice(2).map((argument) => path.resolve(argument));
 const here = path.dirname(fileURLToPath(import.meta.url));
 const scratch = await mkdtemp(path.join(tmpdir(), "box-"));
 
-const POLICY = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
-/** Tests' own files; all others are the page's. */
+/** What is served with the page. */
 const OWN = ["serial.html", "serial-page.js"];
 /** What the emulated motors reach at 0.5, and a tenth more. */
 const MOST_RPM = "12500";
@@ -40,7 +36,7 @@ async function test(name, run) {
     console.log(`ok ${name} (${((performance.now() - start) / 1000).toFixed(1)} s)`);
   } catch (error) {
     failures += 1;
-    console.log(`FAILED ${name}: ${error.stack}\n--- shown\n${await box.text().catch(String)}\n--- problems\n${box.problems.join("\n")}`);
+    console.log(`FAILED ${name}: ${error.stack}\n--- shown\n${await box.text().catch(String)}\n--- problems\n${box.opened.complaints.join("\n")}`);
   }
 }
 
@@ -53,23 +49,6 @@ async function eventually(what, seconds = 20) {
     if (Date.now() > end) throw new Error(`${seconds} s are over: ${what}`);
     await new Promise((resolve) => { setTimeout(resolve, 30); });
   }
-}
-
-async function serve() {
-  const server = http.createServer(async (request, response) => {
-    const name = path.basename(new URL(request.url, "http://x").pathname);
-    try {
-      const bytes = await readFile(path.join(OWN.includes(name) ? here : folder, name));
-      response.writeHead(200, { "content-type": TYPES[path.extname(name)] ?? "application/octet-stream", "content-security-policy": POLICY });
-      response.end(bytes);
-    } catch {
-      response.writeHead(404);
-      response.end();
-    }
-  });
-  await new Promise((resolve) => { server.listen(0, "127.0.0.1", resolve); });
-  before.push(() => server.close());
-  return `http://127.0.0.1:${server.address().port}`;
 }
 
 /** The emulated board: its address, and what is said to it on its standard input. */
@@ -111,12 +90,11 @@ function device(pico, ...words) {
 
 /** A page whose port is wired to the board, with every write that went there. */
 async function openPage(browser, url, pico) {
-  const page = await browser.newPage();
+  const page = await browser.browser.newPage();
+  const opened = new OpenPage(page, browser.axe, url);
+  await opened.watch();
   const writes = [];
-  const problems = [];
   let socket = null;
-  page.on("pageerror", (error) => problems.push(String(error)));
-  page.on("console", (message) => message.type() === "error" && problems.push(message.text()));
   await page.exposeFunction("portOpen", (baud) => new Promise((resolve, reject) => {
     assert.equal(baud, 1_000_000);
     socket = net.connect(pico.port, pico.host, resolve);
@@ -131,11 +109,11 @@ async function openPage(browser, url, pico) {
   });
   await page.exposeFunction("portClose", () => new Promise((resolve) => { socket.end(resolve); }));
   await page.evaluateOnNewDocument(await readFile(path.join(here, "serial-stand-in.js"), "utf8"));
-  await page.setViewport({ width: 1100, height: 1400 });
-  await page.goto(`${url}/serial.html`);
+  await page.setViewport(WIDE);
+  await page.goto(`${url}serial.html`);
   const text = (selector = "#device") => page.$eval(selector, (element) => element.innerText);
   return {
-    page, writes, problems, text,
+    page, opened, writes, text,
     close: async () => {
       await page.close();
       socket.destroy();
@@ -157,18 +135,16 @@ async function openPage(browser, url, pico) {
 
 /** Refuses what keeps somebody out who does not see or point, and what is wider than a phone. */
 async function isForAll(box) {
-  await box.page.setViewport({ width: 390, height: 844 });
-  await box.page.evaluate(axe);
-  const found = await box.page.evaluate(() => window.axe.run("#device", { resultTypes: ["violations"] }));
-  const grave = found.violations.filter(({ impact }) => ["serious", "critical"].includes(impact));
-  assert.deepEqual(grave.map(({ id, nodes }) => [id, nodes[0].html]), []);
+  // As a phone it would be loaded anew.
+  await box.page.setViewport({ ...NARROW, isMobile: false, hasTouch: false });
+  assert.deepEqual(await box.opened.barriers(), []);
   const width = await box.page.evaluate(() => document.documentElement.scrollWidth);
   await shoot(box, "narrow");
-  assert.ok(width <= 390, `${width} px wide`);
-  await box.page.setViewport({ width: 1100, height: 1400 });
+  assert.ok(width <= NARROW.width, `${width} px wide`);
+  await box.page.setViewport(WIDE);
 }
 
-const shoot = async (box, name) => process.env.SHOTS && box.page.screenshot({ path: path.join(process.env.SHOTS, `box-${name}.png`), fullPage: true });
+const shoot = (box, name) => box.opened.picture(`box-${name}`);
 
 async function answer(box, question, typed) {
   await box.says(question);
@@ -185,8 +161,12 @@ async function tuneUpTo(box, answers, motors = "0") {
 }
 
 const pico = await startPico();
-const url = await serve();
-const browser = await puppeteer.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+const served = path.join(scratch, "page");
+await cp(folder, served, { recursive: true });
+for (const name of OWN) await cp(path.join(here, name), path.join(served, name));
+const { address: url, close } = await serve(served);
+before.push(close);
+const browser = await Browser.start(modules, url);
 before.push(() => browser.close());
 const model = path.join(scratch, "model.toml");
 const designed = path.join(scratch, "compensator.toml");
@@ -258,7 +238,7 @@ await test("a hidden page stops the motors, and sends nothing behind that", asyn
   await tuneUpTo(box, ["yes", "yes", "yes"]);
   await eventually(async () => (await pico.motors())[0] > 0.35, 60);
   await shoot(box, "turning");
-  const front = await browser.newPage();
+  const front = await browser.browser.newPage();
   await front.bringToFront();
   await eventually(() => box.page.evaluate(() => document.hidden));
   const hidden = Date.now();
@@ -287,7 +267,7 @@ await test("a compensator that is set and stored through the page is in the flas
   await box.says("Stored: the box has these settings");
   await eventually(() => box.page.$$eval(".box-live tbody tr", (rows) => rows[0].innerText.endsWith("yes") && rows[1].innerText.endsWith("no")));
   await shoot(box, "set");
-  assert.deepEqual(box.problems, []);
+  assert.deepEqual(box.opened.complaints, []);
   await box.close();
   const set = await device(pico, "get");
   assert.equal(set.compensator, "inverse");
@@ -300,9 +280,9 @@ await test("a compensator that is set and stored through the page is in the flas
 });
 
 await test("a browser without serial ports says so", async () => {
-  const page = await browser.newPage();
+  const page = await browser.browser.newPage();
   await page.evaluateOnNewDocument(() => { delete Navigator.prototype.serial; });
-  await page.goto(`${url}/serial.html`);
+  await page.goto(`${url}serial.html`);
   await eventually(() => page.$eval("#device", (section) => /no Web Serial/.test(section.innerText)));
   await page.close();
 });

@@ -9,7 +9,8 @@ use serde_json::Value;
 use super::packages;
 use super::{page, program};
 use crate::answers::{Comparison, Renamed, Tolerance};
-use crate::run::{Result, command, root, run, target_folder};
+use crate::run::{Result, cargo, command, root, run, target_folder};
+use crate::{board, firmware};
 
 /// Builds the page and a program with it, and drives it in a browser. With folders of experiments, or `--numbers` alone, what the
 /// page's module says of these and of the logs of the tests is also held to what the program says, number by number.
@@ -29,7 +30,13 @@ pub fn test(options: &[&str]) -> Result {
     }
     let program = program(&page, &[])?;
     let modules = packages::folder().join("node_modules");
-    run(command("node", &["sim/web/tests/run.mjs"]).arg(&page).arg(modules).arg(program).arg(data))
+    run(command("node", &["sim/web/tests/run.mjs"]).arg(&page).arg(&modules).arg(&program).arg(data))?;
+    // The controller at the serial port is a Pico that is emulated.
+    run(&mut cargo(&["build", "--locked", "--package", "host-tests", "--example", "pico"]))?;
+    let pico = target_folder().join("debug/examples/pico");
+    let mut node = command("node", &["sim/web/tests/serial.mjs"]);
+    node.arg(&page).arg(&modules).arg(&program).arg(pico);
+    run(firmware::with_image(&mut node, board::named("rp2040")?)?)
 }
 
 /// Compares numbers: to 1e-9, or where a search ends elsewhere to 0.05 of a standard deviation, each of which is listed.
