@@ -6,7 +6,7 @@ import { say } from "./messages.js";
 
 const FILES = [
   ["model.toml", "the motor's model"],
-  ["compensator.toml", "the compensator, for the controller"],
+  ["compensator.toml", "the compensator that is chosen under What to fly, for the controller"],
   ["compensator.h", "its constants for another firmware, in C"],
   ["report.html", "all of this as one file"],
 ];

@@ -253,7 +253,11 @@ export class Motor {
     const { verdict, sections, warnings, done, commands } = answer;
     const isFlown = sections[0]?.name === "to_fly";
     const rest = isFlown ? sections.slice(1) : sections;
-    const links = [...sections.map(({ name, title }) => [name, title]), ["keep", "Take it along"]];
+    const links = [
+      ...sections.map(({ name, title }) => [name, title]),
+      ...(this.#isDiagnosed ? [] : [["diagnosis", "Diagnosis"]]),
+      ["keep", "Take it along"],
+    ];
     this.#results.replaceChildren(
       element("div", { innerHTML: verdict.html }),
       about,
@@ -306,7 +310,7 @@ export class Motor {
   }
 
   #diagnosisOffer() {
-    return element("section", { className: "offer" },
+    return element("section", { className: "offer", id: "diagnosis" },
       element("h2", { textContent: "Diagnosis" }), element("p", { textContent: DIAGNOSIS }), button("Diagnose", () => this.#diagnose(), { className: "main diagnose" }));
   }
 }

@@ -4,8 +4,8 @@ import { element, newId, sentence } from "./element.js";
 import { showSection } from "./sections.js";
 
 const STEPS = 400;
-const PURPOSES = [["force", "a force"], ["rate_loop", "a rate loop"]];
-const KINDS = [["", "what is recommended"], ["lead", "the lead"], ["inverse", "the inverse of this natural frequency"]];
+const PURPOSES = [["force", "force"], ["rate_loop", "rate loop"]];
+const KINDS = [["", "recommended"], ["lead", "lead"], ["inverse", "inverse"]];
 
 /**
  * The two pictures, with what changes them. `fly` asks the engine what an inverse gains, `design` asks it to design another kind or for another

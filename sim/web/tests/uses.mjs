@@ -79,11 +79,11 @@ export function uses({ browser, program, data }) {
       const page = await browser.open();
       await page.take(small);
       await page.cdp.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder, browserContextId: page.page.browserContext().id });
-      await page.click("the lead", ".radios label");
+      await page.click("lead", ".radios label");
       await page.settled();
       const lead = await page.download("compensator.toml", folder);
       assert.match(lead, /^zero_rad_s = /m);
-      await page.click("a rate loop", ".radios label");
+      await page.click("rate loop", ".radios label");
       await page.settled();
       await page.page.focus("input.natural");
       await page.page.keyboard.press("ArrowRight");
