@@ -20,7 +20,7 @@ export function exportsOf({ targets }, get) {
       refusal.replaceChildren();
       const answer = await get({ ask: "file", name });
       if (!answer) return;
-      if (answer.error) refusal.replaceChildren(...errorText(answer.error).filter(Boolean));
+      if (answer.error) refusal.replaceChildren(...errorText(answer.error));
       else keep(answer.file, answer.text, name.endsWith(".html") ? "text/html" : "text/plain");
     }),
     ` ${what}`));
@@ -37,7 +37,7 @@ function stackExport(targets, get) {
   const show = async () => {
     const answer = await get({ ask: "export", for: list.value, compensated: compensated.checked });
     if (!answer) return;
-    shown.replaceChildren(...(answer.error ? errorText(answer.error).filter(Boolean) : exported(answer)));
+    shown.replaceChildren(...(answer.error ? errorText(answer.error) : exported(answer)));
   };
   const forget = () => shown.replaceChildren();
   list.addEventListener("change", forget);

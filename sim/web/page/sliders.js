@@ -59,7 +59,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     const name = newId("choice");
     const set = element("fieldset", { className: "radios" }, element("legend", { textContent: legend }),
       entries.map(([value, text]) => element("label", { className: "check" },
-        element("input", { type: "radio", name, value, checked: value === chosen }), ` ${text}`)));
+        element("input", { type: "radio", name, value, checked: value === chosen, attributes: { "data-kept": legend } }), ` ${text}`)));
     set.addEventListener("change", ({ target }) => changed(target.value));
     return set;
   };
