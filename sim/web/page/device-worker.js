@@ -27,7 +27,7 @@ addEventListener("message", ({ data }) => {
 });
 
 try {
-  await init();
+  await init({ module_or_path: new URL("rotorlead_device_bg.wasm", import.meta.url) });
   postMessage({ facts: JSON.parse(facts()) });
 } catch (error) {
   postMessage({ broken: String(error?.message ?? error) });

@@ -8,6 +8,7 @@ import { button, element, errorText, newId, sentence } from "./element.js";
 // A few times a second: a number that changes more often is not read.
 const LIVE_MS = 300;
 const HIDDEN = "The page was hidden while motors turned: it has stopped them and let go of the box. Keep it in sight, and connect again.";
+const NOT_CONNECTED = "Not connected.";
 const STOPPED = "You stopped the motors. Connect again to go on.";
 
 /**
@@ -60,7 +61,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       say("Connected.");
     } catch (error) {
       complain(error);
-      await line.end("Not connected.");
+      await line.end(NOT_CONNECTED);
+      say(NOT_CONNECTED);
     }
   }
 

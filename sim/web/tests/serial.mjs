@@ -30,6 +30,7 @@ const MOST_RPM = "12500";
 const MODEL = "format = 1\n[[point]]\nnominal = 0.4\ngain = 18000.0\ntime_constant_s = 0.062\n[[point]]\nnominal = 0.5\ngain = 18000.0\ntime_constant_s = 0.055\n";
 
 let failures = 0;
+let box = null;
 const before = [];
 
 async function test(name, run) {
@@ -39,7 +40,7 @@ async function test(name, run) {
     console.log(`ok ${name} (${((performance.now() - start) / 1000).toFixed(1)} s)`);
   } catch (error) {
     failures += 1;
-    console.log(`FAILED ${name}: ${error.stack}`);
+    console.log(`FAILED ${name}: ${error.stack}\n--- shown\n${await box.text().catch(String)}\n--- problems\n${box.problems.join("\n")}`);
   }
 }
 
@@ -189,7 +190,7 @@ await writeFile(model, MODEL);
 const design = spawnSync(rotorlead, ["design", model, "--kind", "inverse", "--loop-rate", "1000", "--out", designed], { encoding: "utf8" });
 assert.equal(design.status, 0, design.stderr);
 
-let box = await openPage(browser, url, pico);
+box = await openPage(browser, url, pico);
 
 await test("a box is shown as the command line shows it", async () => {
   await box.press("Connect");

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::run::{Result, command, run_within, target_folder};
 
 /// The packages with their versions.
-pub const NPM_PACKAGES: [(&str, &str); 2] = [("puppeteer-core", "25.16.0"), ("axe-core", "4.14.1")];
+pub const NPM_PACKAGES: [(&str, &str); 2] = [("puppeteer-core", "24.43.1"), ("axe-core", "4.14.1")];
 
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
