@@ -38,7 +38,7 @@ export function looks({ browser, folder, data }) {
     for (const summary of ["What was taken of the log, and why", "Say what is in it", "The same on the command line"]) await page.click(summary);
     await page.click("Show");
     await page.page.waitForSelector(".exported pre");
-    await page.drawn();
+    await page.page.waitForSelector(".to-fly .plot text");
     await page.picture(`answered-${name}`);
     barriers.push(...(await page.barriers()));
     assert.deepEqual(barriers, []);
