@@ -67,7 +67,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     next = { natural_rad_s: rounded(), purpose };
     pump();
   };
-  const kinds = radios("Compensator", KINDS, kind ?? "", (value) => {
+  const kinds = radios("Kind", KINDS, kind ?? "", (value) => {
     kind = value || null;
     if (kind === "inverse") ask();
     else design({ kind, purpose });
