@@ -128,7 +128,7 @@ fn in_emulator(targets: &[&str], options: &[&str]) -> Result<Command> {
 }
 
 /// Names a board's image to a program of the tests.
-fn with_image<'a>(command: &'a mut Command, board: &'static Board) -> Result<&'a mut Command> {
+pub fn with_image<'a>(command: &'a mut Command, board: &'static Board) -> Result<&'a mut Command> {
     Ok(command.env(format!("ROTORLEAD_{}_IMAGE", board.name.to_uppercase()), build_image(board, &[])?))
 }
 
