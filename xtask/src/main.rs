@@ -47,8 +47,9 @@ Usage: cargo xtask COMMAND
   library  the library as another firmware takes it: without a board, with features alone, for the smallest core, as a package;
            a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
-  web      [--numbers [DIR ...]] the web page, driven in a browser; a part of test; with --numbers instead what it says of the logs of
-           the tests, and of folders of experiments, is compared with what the program says, to 1e-9, and timed
+  web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
+           with --numbers [DIR ...] what it says of the logs of the tests, and of folders of experiments, is compared with what
+           the program says, to 1e-9, and timed
   statistics
            decides at full count what is claimed of estimates: coverage, spread, bias, orders; and ends every command that writes
            at many times; some hours. REPEATS and CASE

@@ -100,7 +100,9 @@ impl Times {
             part("lints, documentation, library, image and instruction counts", checks),
         ])?;
         // Alone: the emulated time does not wait for a busy machine.
-        self.alone(part("emulator", [xtask("test-image")]))
+        let mut serial = xtask("web");
+        serial.arg("--serial");
+        self.alone(part("emulator", [xtask("test-image"), serial]))
     }
 
     /// Runs a part with what it prints for all to see.

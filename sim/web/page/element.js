@@ -24,7 +24,7 @@ export function sentence(text) {
 
 /** An error of the engine's: what is wrong, and what to do. */
 export function errorText({ message, help }) {
-  return [element("p", {}, sentence(message)), help ? element("p", { className: "help" }, sentence(help)) : null];
+  return [element("p", {}, sentence(message)), ...(help ? [element("p", { className: "help" }, sentence(help))] : [])];
 }
 
 let made = 0;

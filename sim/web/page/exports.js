@@ -6,7 +6,7 @@ import { say } from "./messages.js";
 
 const FILES = [
   ["model.toml", "the motor's model"],
-  ["compensator.toml", "the compensator, for the controller"],
+  ["compensator.toml", "the compensator that is chosen under What to fly, for the controller"],
   ["compensator.h", "its constants for another firmware, in C"],
   ["report.html", "all of this as one file"],
 ];
@@ -20,7 +20,7 @@ export function exportsOf({ targets }, get) {
       refusal.replaceChildren();
       const answer = await get({ ask: "file", name });
       if (!answer) return;
-      if (answer.error) refusal.replaceChildren(...errorText(answer.error).filter(Boolean));
+      if (answer.error) refusal.replaceChildren(...errorText(answer.error));
       else keep(answer.file, answer.text, name.endsWith(".html") ? "text/html" : "text/plain");
     }),
     ` ${what}`));
@@ -37,7 +37,7 @@ function stackExport(targets, get) {
   const show = async () => {
     const answer = await get({ ask: "export", for: list.value, compensated: compensated.checked });
     if (!answer) return;
-    shown.replaceChildren(...(answer.error ? errorText(answer.error).filter(Boolean) : exported(answer)));
+    shown.replaceChildren(...(answer.error ? errorText(answer.error) : exported(answer)));
   };
   const forget = () => shown.replaceChildren();
   list.addEventListener("change", forget);

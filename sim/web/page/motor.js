@@ -15,18 +15,17 @@ const DIAGNOSIS = "Looks for what a first-order lag does not have: other lags up
 export class Motor {
   name;
   files = [];
-  /** What was read, and what it says; `null` before. */
-  taken = null;
-  answer = null;
   root = element("div", { className: "motor" });
 
   #choices;
   #changed;
+  // What was read, and what it says; `null` before.
+  #taken = null;
+  #answered = null;
   #options = {};
   #kind = null;
   #purpose = "force";
   #natural = null;
-  #compensator = null;
   #isDiagnosed = false;
   #engine = new MotorEngine((reason, restored) => this.#broke(reason, restored));
   #job = null;
@@ -67,7 +66,7 @@ export class Motor {
   }
 
   #refuse(files, error) {
-    complain(element("p", { className: "headline", textContent: `Not taken: ${files.map(({ name }) => name).join(", ")}` }), ...errorText(error).filter(Boolean));
+    complain(element("p", { className: "headline", textContent: `Not taken: ${files.map(({ name }) => name).join(", ")}` }), ...errorText(error));
     if (!this.files.length) this.#changed();
   }
 
@@ -88,7 +87,9 @@ export class Motor {
       this.#ask(files, options, read.error);
       return null;
     }
-    Object.assign(this, { files, taken: read, name: read.name });
+    Object.assign(this, { files, name: read.name });
+    this.#taken = read;
+    this.#answered = null;
     this.#options = options;
     this.#isDiagnosed = false;
     this.#showLogs();
@@ -101,7 +102,7 @@ export class Motor {
     const request = { kind: this.#kind, purpose: this.#purpose, diagnosis: this.#isDiagnosed };
     const answer = await this.#during("identifying", (watch) => this.#engine.answer(request, watch));
     if (answer) this.#show(answer);
-    else if (!this.answer) this.#results.replaceChildren(element("p", {}, "It was stopped. ", button("Identify", () => this.#answer())));
+    else if (!this.#answered) this.#results.replaceChildren(element("p", {}, "It was stopped. ", button("Identify", () => this.#answer())));
   }
 
   async #diagnose() {
@@ -194,9 +195,11 @@ export class Motor {
     this.#asked.replaceChildren();
     // An experiment's folder is one.
     const shown = isExperiment(this.files) ? [{ name: `${this.name}, ${this.files.length} files`, file: null }] : this.files;
+    const hadFocus = this.#logs.contains(document.activeElement);
     this.#logs.replaceChildren(...shown.map((file) => element("li", {},
       element("span", { className: "mono", textContent: file.name }),
       button("✕", () => this.#remove(file), { className: "remove", ariaLabel: `Remove ${file.name}`, title: `Remove ${file.name}` }))));
+    if (hadFocus) this.#logs.querySelector("button").focus();
   }
 
   async #remove(file) {
@@ -209,7 +212,7 @@ export class Motor {
       return;
     }
     const error = await this.#read(files, this.#options);
-    if (error) complain(...errorText(error).filter(Boolean));
+    if (error) complain(...errorText(error));
   }
 
   /** Asks what the log does not say. */
@@ -222,38 +225,45 @@ export class Motor {
       answered: async (said) => {
         forgive();
         const wrong = await this.#read(files, said);
-        if (wrong) complain(...errorText(wrong).filter(Boolean));
+        if (wrong) complain(...errorText(wrong));
       },
       left: () => {
         this.#asked.replaceChildren();
         if (!this.files.length) this.#changed();
       },
     });
+    const [message, ...help] = errorText(error);
+    message.className = "headline";
     this.#asked.replaceChildren(element("section", { className: "verdict warn ask", ariaLabel: "What the log does not say" },
-      element("div", { attributes: { role: "alert" } }, element("p", { className: "headline" }, sentenceOf(error)), helpOf(error)), form));
+      element("div", { attributes: { role: "alert" } }, message, help), form));
     form.querySelector("select, input")?.focus();
   }
 
   #columns() {
-    return [...new Set((this.taken?.logs ?? []).flatMap(({ columns }) => columns.map(({ name }) => name)))];
+    return [...new Set((this.#taken?.logs ?? []).flatMap(({ columns }) => columns.map(({ name }) => name)))];
   }
 
   #show(answer) {
     forget(this.#results);
     const about = this.#aboutLogs();
     if (answer.error) {
-      this.answer = null;
+      this.#answered = null;
       this.#results.replaceChildren(element("section", { className: "verdict bad", ariaLabel: "Verdict", attributes: { role: "alert" } },
-        ...errorText(answer.error).filter(Boolean)), about);
+        ...errorText(answer.error)), about);
       if (answer.error.missing?.length) this.#ask(this.files, this.#options, answer.error);
       this.#changed();
       return;
     }
-    this.answer = answer;
+    this.#answered = answer;
     const { verdict, sections, warnings, done, commands } = answer;
     const isFlown = sections[0]?.name === "to_fly";
     const rest = isFlown ? sections.slice(1) : sections;
-    const links = [...sections.map(({ name, title }) => [name, title]), ["keep", "Take it along"]];
+    const links = [
+      ...sections.map(({ name, title }) => [name, title]),
+      ...(this.#isDiagnosed ? [] : [["diagnosis", "Diagnosis"]]),
+      ["keep", "Take it along"],
+    ];
+    const { kept } = this.#results.contains(document.activeElement) ? document.activeElement.dataset : {};
     this.#results.replaceChildren(
       element("div", { innerHTML: verdict.html }),
       about,
@@ -266,6 +276,8 @@ export class Motor {
       element("div", { innerHTML: done }),
       commandList(commands));
     this.#changed();
+    // Who chose by keyboard chooses on.
+    if (kept) this.#results.querySelector(`[data-kept="${kept}"]:checked`)?.focus({ preventScroll: true });
     say(`${this.name}: done.`);
   }
 
@@ -277,10 +289,10 @@ export class Motor {
       answered: async (said) => {
         forgive();
         const wrong = await this.#read(this.files, said);
-        if (wrong) complain(...errorText(wrong).filter(Boolean));
+        if (wrong) complain(...errorText(wrong));
       },
     });
-    return element("div", { className: "about" }, takenOf(this.taken),
+    return element("div", { className: "about" }, takenOf(this.#taken),
       isExperiment(this.files) ? null : element("details", {}, element("summary", { textContent: "Say what is in it" }), form));
   }
 
@@ -295,7 +307,8 @@ export class Motor {
         this.#kind = "inverse";
         this.#purpose = request.purpose;
         this.#natural = request.natural_rad_s;
-        return this.get({ ask: "fly", ...request });
+        // Once more where the engine ended meanwhile.
+        return (await this.get({ ask: "fly", ...request })) ?? this.get({ ask: "fly", ...request });
       },
       design: ({ kind, purpose }) => {
         this.#kind = kind;
@@ -306,17 +319,9 @@ export class Motor {
   }
 
   #diagnosisOffer() {
-    return element("section", { className: "offer" },
+    return element("section", { className: "offer", id: "diagnosis" },
       element("h2", { textContent: "Diagnosis" }), element("p", { textContent: DIAGNOSIS }), button("Diagnose", () => this.#diagnose(), { className: "main diagnose" }));
   }
-}
-
-function sentenceOf({ message }) {
-  return [...errorText({ message })[0].childNodes];
-}
-
-function helpOf({ help }) {
-  return help ? errorText({ message: "", help })[1] : null;
 }
 
 function commandList(commands) {

@@ -51,13 +51,16 @@ export class Motors {
   }
 
   #changed(motor) {
-    if (!motor.files.length) {
+    const hadFocus = motor.root.contains(document.activeElement);
+    const isOver = !motor.files.length;
+    if (isOver) {
       motor.close();
       this.#motors = this.#motors.filter((one) => one !== motor);
       if (this.#shown === motor) this.#shown = this.#motors.at(-1) ?? null;
     }
     if (this.#shown === this.#comparison && this.#motors.length < 2) this.#shown = this.#motors[0] ?? null;
     this.#show(this.#shown);
+    if (isOver && hadFocus) (this.#tabs.querySelector("#shown-tab") ?? document.querySelector(".drop button")).focus();
   }
 
   #show(shown) {
@@ -74,7 +77,7 @@ export class Motors {
     this.#tabs.hidden = !this.#motors.length;
     if (hadFocus) this.#tabs.querySelector("#shown-tab")?.focus();
     const root = shown instanceof Motor ? shown.root : shown;
-    this.#panel.replaceChildren(...(root ? [root] : []));
+    if (this.#panel.firstChild !== root) this.#panel.replaceChildren(...(root ? [root] : []));
     for (const [name, value] of Object.entries({ role: "tabpanel", "aria-labelledby": "shown-tab" })) {
       if (root) this.#panel.setAttribute(name, value);
       else this.#panel.removeAttribute(name);
@@ -96,7 +99,7 @@ export class Motors {
     const answer = await engine.ask({ compare: models.filter(({ model }) => model) }).catch((error) => ({ error: { message: String(error.message) } }));
     engine.end();
     this.#comparison.replaceChildren(...(answer.error
-      ? [element("section", { className: "verdict bad", attributes: { role: "alert" } }, ...errorText(answer.error).filter(Boolean))]
+      ? [element("section", { className: "verdict bad", attributes: { role: "alert" } }, ...errorText(answer.error))]
       : [element("div", { innerHTML: answer.verdict }), sectionOf(answer.section)]));
   }
 

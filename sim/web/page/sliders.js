@@ -4,8 +4,8 @@ import { element, newId, sentence } from "./element.js";
 import { showSection } from "./sections.js";
 
 const STEPS = 400;
-const PURPOSES = [["force", "a force"], ["rate_loop", "a rate loop"]];
-const KINDS = [["", "what is recommended"], ["lead", "the lead"], ["inverse", "the inverse of this natural frequency"]];
+const PURPOSES = [["force", "force"], ["rate_loop", "rate loop"]];
+const KINDS = [["", "recommended"], ["lead", "lead"], ["inverse", "inverse"]];
 
 /**
  * The two pictures, with what changes them. `fly` asks the engine what an inverse gains, `design` asks it to design another kind or for another
@@ -59,7 +59,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     const name = newId("choice");
     const set = element("fieldset", { className: "radios" }, element("legend", { textContent: legend }),
       entries.map(([value, text]) => element("label", { className: "check" },
-        element("input", { type: "radio", name, value, checked: value === chosen }), ` ${text}`)));
+        element("input", { type: "radio", name, value, checked: value === chosen, attributes: { "data-kept": legend } }), ` ${text}`)));
     set.addEventListener("change", ({ target }) => changed(target.value));
     return set;
   };
@@ -67,7 +67,7 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     next = { natural_rad_s: rounded(), purpose };
     pump();
   };
-  const kinds = radios("Compensator", KINDS, kind ?? "", (value) => {
+  const kinds = radios("Kind", KINDS, kind ?? "", (value) => {
     kind = value || null;
     if (kind === "inverse") ask();
     else design({ kind, purpose });

@@ -14,7 +14,7 @@ export function takenOf({ logs, findings }) {
 
 function oneLog(log) {
   const { file, format, rows_read: read, rows_taken: taken, columns, dropped, timing, notes } = log;
-  const facts = [`${format}: ${taken} of ${read} rows taken.`, timing?.method].filter(Boolean);
+  const facts = [`${format}: ${taken} of ${read} rows taken.`, ...(timing ? [`Times: ${timing.method}.`] : [])];
   const left = dropped.map(({ rows, reason }) => `${rows} ${rows === 1 ? "row" : "rows"} left out: ${reason}`);
   const caption = `Columns of ${file}`;
   const cell = (heading, text) => {

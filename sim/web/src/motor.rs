@@ -13,7 +13,7 @@ use rotorlead_records::files::to_toml;
 use rotorlead_report::{Fragment, html, table_html};
 use rotorlead_results::{
     Asked, DesignRequest, DesignResult, Kind, Overview, Watch, answer_page, diagnosis_answer, experiment_facts,
-    export_warnings, flight_section, recommendation_table, version_fact,
+    export_warnings, flight_section, recommendation_table,
 };
 use rotorlead_vehicle::{MotorControlKind, Purpose, recommend};
 use serde_json::{Value, json};
@@ -87,8 +87,16 @@ impl Motor {
                 watch(stage.get(), steps.get());
             },
         };
-        let mut overview = Overview::from_experiment(experiment, self.given.folder(), asked, watch)
-            .map_err(|error| Fault::of_identification(error, taken.is_of_logs()))?;
+        // Another kind or purpose is another design for what was found.
+        let known = self.answered.take().map(|answered| answered.overview);
+        let mut overview = match known.filter(|known| known.diagnosed.is_some() == asked.with_diagnosis) {
+            Some(mut known) => {
+                known.design(experiment, asked.kind, asked.purpose);
+                known
+            }
+            None => Overview::from_experiment(experiment, self.given.folder(), asked, watch)
+                .map_err(|error| Fault::of_identification(error, taken.is_of_logs()))?,
+        };
         if let Ok(found) = &mut overview.identified {
             let provenance = found.identification.model.provenance.iter_mut().chain(&mut overview.model.provenance);
             provenance.for_each(|from| from.records_crc32.clone_from(&taken.checksum));
@@ -191,7 +199,6 @@ fn no_logs() -> Fault {
 fn facts(experiment: &Experiment, taken: &Taken) -> Vec<Fact> {
     let mut facts = experiment_facts(experiment, &taken.names.join(", "));
     facts.extend(taken.checksum.iter().map(|sum| Fact::new("CRC-32 of these files", sum.clone())));
-    facts.push(version_fact());
     facts
 }
 

@@ -3,11 +3,11 @@
 
 const staircase = { excitation: "staircase" };
 
-/** Where a log lies below the folder of data, its options, and `refused` where it is none. */
+/** Where a log lies below the folder of data, and its options; first what takes longest. */
 export const CASES = [
+  { log: "alspitz_esc_test/Log_2019-11-09_181347.csv", options: {} },
   { log: "alspitz_esc_test/Log_2019-11-05_171350.csv", options: {} },
   { log: "alspitz_esc_test/Log_2019-11-07_184325.csv", options: {} },
-  { log: "alspitz_esc_test/Log_2019-11-09_181347.csv", options: {} },
   { log: "alspitz_esc_test/esc32v3_f60-1.csv", options: {} },
   { log: "alspitz_esc_test/f40_steps_5-2.csv", options: {} },
   { log: "sar_simulation/micro_2023-12-17_162234.csv", options: { ...staircase, column: ["command=ESC signal:dshot"] } },

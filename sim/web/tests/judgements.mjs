@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { execFile } from "node:child_process";
 import { mkdtemp, readFile, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { basename, join } from "node:path";
 import { promisify } from "node:util";
 
 import { CASES, typed } from "./cases.mjs";
@@ -43,7 +43,7 @@ async function identify(program, file, options) {
     return JSON.parse(await readFile(out, "utf8"));
   } catch (error) {
     if (!error.stderr) throw error;
-    return { message: error.stderr };
+    return { message: error.stderr.replaceAll(file, basename(file)) };
   } finally {
     await rm(folder, { recursive: true });
   }

@@ -120,6 +120,10 @@ export function mishaps({ browser, data }) {
         await page.click("Dismiss");
         assert.equal((await page.shown()).verdict, before.verdict);
         await worksOn(page);
+        // What was asked when it failed is shown too.
+        await page.settled();
+        const [reading, said] = await page.page.evaluate(() => [".slider output", ".says"].map((name) => document.querySelector(name).textContent));
+        assert.ok(said.includes(`natural frequency ${reading.split(" ")[0]}`), `${reading}: ${said}`);
       }
       await page.close();
     }),

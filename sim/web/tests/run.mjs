@@ -21,7 +21,7 @@ if (!data) throw new Error("give the page's folder, node_modules, the program ro
 const server = await serve(folder);
 const browser = await Browser.start(modules, server.address);
 const given = { browser, folder, program, data };
-const tests = [judgements, uses, mishaps, looks].flatMap((some) => some(given)).filter(({ name }) => !only || name.includes(only));
+const tests = [mishaps, judgements, uses, looks].flatMap((some) => some(given)).filter(({ name }) => !only || name.includes(only));
 const start = performance.now();
 let failed = 0;
 const next = tests[Symbol.iterator]();

@@ -79,11 +79,12 @@ export function uses({ browser, program, data }) {
       const page = await browser.open();
       await page.take(small);
       await page.cdp.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder, browserContextId: page.page.browserContext().id });
-      await page.click("the lead", ".radios label");
+      await page.click("lead", ".radios label");
       await page.settled();
+      assert.equal(await page.page.evaluate(() => document.activeElement.parentElement.textContent.trim()), "lead", "the focus was lost");
       const lead = await page.download("compensator.toml", folder);
       assert.match(lead, /^zero_rad_s = /m);
-      await page.click("a rate loop", ".radios label");
+      await page.click("rate loop", ".radios label");
       await page.settled();
       await page.page.focus("input.natural");
       await page.page.keyboard.press("ArrowRight");
@@ -151,6 +152,18 @@ export function uses({ browser, program, data }) {
       await page.until(() => document.querySelector(".results .verdict"));
       await ended(page);
       return names.join(", ");
+    }),
+    test("several logs are chosen, each of another motor", async () => {
+      const page = await browser.open();
+      const chooser = await page.page.$("#choose-logs");
+      await chooser.uploadFile(small, other);
+      await page.click("Each of another motor");
+      await page.until(() => document.querySelectorAll("[role=tab]").length === 3 && document.querySelector(".busy").hidden && document.querySelector(".results .verdict"));
+      // Without one of two there is nothing to compare.
+      await page.click("Remove log.bin");
+      await page.until(() => document.querySelectorAll("[role=tab]").length === 1);
+      assert.equal(await page.page.evaluate(() => document.activeElement.getAttribute("role")), "tab", "the focus was lost");
+      await ended(page);
     }),
     test("a folder of an experiment is taken as one", async () => {
       const folder = await mkdtemp(join(tmpdir(), "page-"));

@@ -16,8 +16,8 @@ pub use test::test;
 
 /// What a browser runs.
 pub const TARGET: &str = "wasm32-unknown-unknown";
-/// Cargo's profile of it, and the name of its package as a file.
-const PROFILE: &str = "web";
+/// Cargo's profile of it, which has a folder in cargo's beside the page's, and the name of its package as a file.
+const PROFILE: &str = "wasm";
 const MODULE: &str = "rotorlead_web";
 
 /// The page's own files.

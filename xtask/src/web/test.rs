@@ -9,33 +9,42 @@ use serde_json::Value;
 use super::packages;
 use super::{page, program};
 use crate::answers::{Comparison, Renamed, Tolerance};
+use crate::board;
+use crate::firmware;
 use crate::run::{Result, cargo, command, root, run, target_folder};
-use crate::{board, firmware};
 
 /// Builds the page and a program with it, and drives it in a browser. With folders of experiments, or `--numbers` alone, what the
-/// page's module says of these and of the logs of the tests is also held to what the program says, number by number.
+/// page's module says of these and of the logs of the tests is held to what the program says instead, number by number; with `--serial`
+/// its serial port is driven.
 pub fn test(options: &[&str]) -> Result {
     let (flags, folders): (Vec<&str>, Vec<&str>) = options.iter().partition(|option| option.starts_with("--"));
-    if let Some(unknown) = flags.iter().find(|flag| **flag != "--numbers") {
-        return Err(format!("web: there is no option {unknown}; there is --numbers"));
+    if let Some(unknown) = flags.iter().find(|flag| !["--numbers", "--serial"].contains(flag)) {
+        return Err(format!("web: there is no option {unknown}; there are --numbers and --serial"));
     }
     if !packages::has_packages() {
         return Err("the packages that drive a browser are missing: `cargo xtask setup` installs them".to_owned());
     }
     let data = std::env::var_os("ROTORLEAD_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
     let page = page()?;
+    let modules = packages::folder().join("node_modules");
+    if flags.contains(&"--serial") {
+        return serial(&page, &modules);
+    }
     if !flags.is_empty() {
         let program = program(&page, &["--release"])?;
         return numbers(&page, &program, &data, &folders);
     }
     let program = program(&page, &[])?;
-    let modules = packages::folder().join("node_modules");
-    run(command("node", &["sim/web/tests/run.mjs"]).arg(&page).arg(&modules).arg(&program).arg(data))?;
-    // The controller at the serial port is a Pico that is emulated.
+    run(command("node", &["sim/web/tests/run.mjs"]).arg(&page).arg(modules).arg(program).arg(data))
+}
+
+/// Drives the page's serial port, at whose other end is a Pico in its emulator.
+fn serial(page: &Path, modules: &Path) -> Result {
     run(&mut cargo(&["build", "--locked", "--package", "host-tests", "--example", "pico"]))?;
-    let pico = target_folder().join("debug/examples/pico");
+    run(&mut cargo(&["build", "--locked", "--package", "rotorlead-cli", "--bin", "rotorlead"]))?;
+    let built = target_folder().join("debug");
     let mut node = command("node", &["sim/web/tests/serial.mjs"]);
-    node.arg(&page).arg(&modules).arg(&program).arg(pico);
+    node.args([page, modules, &built.join("rotorlead"), &built.join("examples/pico")]);
     run(firmware::with_image(&mut node, board::named("rp2040")?)?)
 }
 

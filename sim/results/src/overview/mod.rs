@@ -108,9 +108,6 @@ impl Overview {
             (None, Err(error)) => return Err(error.clone()),
         };
         let findings = findings(experiment, identified.as_ref().ok());
-        (watch.stage)("measuring");
-        let in_frequency = identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
-        let measured = in_frequency.map(measured);
         (watch.stage)("validating");
         let in_short = found.map(found_in_short).unwrap_or_default();
         let assessment = match (asked.model, &identified) {
@@ -137,20 +134,23 @@ impl Overview {
             overview.findings.retain(|finding| finding.topic != Topic::GoodnessOfFit);
         }
         (watch.stage)("designing");
-        overview.design(experiment, asked, measured);
+        overview.design(experiment, asked.kind, asked.purpose);
         Ok(overview)
     }
 
-    /// Designs for the model with what the diagnosis found to be missing.
-    fn design(&mut self, experiment: &Experiment, asked: Asked, measured: Option<MeasuredRecords>) {
+    /// Designs what is asked for, or what is recommended for the purpose, for the model with what the diagnosis found to be missing: anew,
+    /// where something was designed already.
+    pub fn design(&mut self, experiment: &Experiment, kind: Option<Kind>, purpose: Purpose) {
+        let in_frequency = self.identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
+        let measured = in_frequency.map(measured);
         let lacking = self.lacking();
         let is_of_steps = self.is_of_steps();
         let extended =
             lacking.map(|found| if is_of_steps { with_effects(&self.model, found) } else { found.model.clone() });
-        let request = DesignRequest { kind: asked.kind, ..DesignRequest::default() };
+        let request = DesignRequest { kind, ..DesignRequest::default() };
         let recommendation = &self.assessment.recommendation;
         let chosen = request
-            .chosen(extended.as_ref().unwrap_or(&self.model), asked.purpose, recommendation.clone())
+            .chosen(extended.as_ref().unwrap_or(&self.model), purpose, recommendation.clone())
             .map_err(|error| said(&error.into()));
         let options = chosen.as_ref().map(|chosen| chosen.options).map_err(Clone::clone);
         let mut compensator = None;

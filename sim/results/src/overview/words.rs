@@ -89,8 +89,7 @@ impl Overview {
             }
         }
         if self.diagnosed.is_none() {
-            let unasked =
-                "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
+            let unasked = "Whether more acts than a lag was not asked: the diagnosis says it, which was left out.";
             verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
         match &self.designed {
