@@ -11,6 +11,9 @@ use std::sync::LazyLock;
 use rotorlead::compensator::{CommandRange, Compensator};
 use rotorlead::design::{CurvePoint, DEFAULT_SLEW_PER_S, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
 use rotorlead::throttle::Command;
+use rotorlead_design::{DesignOptions, InverseOptions, design, design_inverse};
+use rotorlead_export::c_header;
+use rotorlead_plant::{CompensatorDesign, Lag, Model, Point};
 
 /// Rates of the loops of flight controllers, hertz.
 const LOOP_RATES_HZ: [u32; 4] = [1000, 2000, 4000, 8000];
@@ -158,6 +161,59 @@ fn an_inverse_in_cpp_is_that_of_the_library_at_every_rate() {
             let printed: Vec<i32> = printed.lines().map(|line| line.parse().unwrap()).collect();
             assert_eq!(printed, inverse(rate), "{standard}, {rate} Hz");
         }
+    }
+}
+
+/// Designs what an exported header has, and prints what comes of commands in steps of 2^-29.
+const EXPORTED: &str = r#"
+#include <inttypes.h>
+#include <stdio.h>
+#include "compensator.h"
+int main(void)
+{
+    rotorlead_compensator motor = { { 0 } };
+    const rotorlead_command start = { INT32_C(1) << 28 };
+    rotorlead_command output;
+    if (motor_design(&motor, 0.0, 1.0) != ROTORLEAD_STATUS_OK || rotorlead_reset(&motor, start) != ROTORLEAD_STATUS_OK) {
+        return 1;
+    }
+    for (uint32_t tick = 0; tick < 2000; tick++) {
+        const rotorlead_command command = { (int32_t)(((tick / 100 + 1) * UINT32_C(2654435761) >> 4) + (UINT32_C(1) << 27)) };
+        if (rotorlead_step(&motor, command, &output) != ROTORLEAD_STATUS_OK) {
+            return 2;
+        }
+        printf("%" PRId32 "\n", output.q29);
+    }
+    return 0;
+}
+"#;
+
+#[test]
+fn an_exported_header_gives_the_compensator_that_it_was_exported_from() {
+    let point = |nominal, time_constant_s| Point::new(nominal, Lag { gain: 10.0, time_constant_s, delay_s: 0.0 });
+    let model = Model {
+        format: 1,
+        points: vec![point(0.4, 0.1593), point(0.5, 0.1077), point(0.65, 0.0708)],
+        static_map: None,
+        time_constant_curve: None,
+        effects: Vec::new(),
+        provenance: None,
+    };
+    let lead = design(&model, &DesignOptions { slew_per_s: Some(20.0), ..DesignOptions::default() }).unwrap();
+    let inverse = design_inverse(&model, &InverseOptions::default()).unwrap().compensator;
+    for compensator in [CompensatorDesign::from(lead), CompensatorDesign::from(inverse)] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("compensator.h"), c_header(&compensator)).unwrap();
+        let program = folder.path().join("exported.c");
+        std::fs::write(&program, EXPORTED).unwrap();
+        let printed = Program::build(&program.to_string_lossy(), "c99").run(&[]);
+        let mut running = compensator.running(Command::saturating_from_f64(0.5));
+        let expected = (0..2000_u32).map(|tick| {
+            let bits = (scattered(tick / 100 + 1) >> 4) + (1 << 27);
+            let command = Command::saturating_from_f64(f64::from(bits) / f64::from(1 << 29));
+            running.update(command).to_bits().to_string()
+        });
+        assert!(printed.lines().eq(expected), "{}", c_header(&compensator));
     }
 }
 
