@@ -1,8 +1,8 @@
 //! The host side in a browser: logs that a page was given, and what the command line says of them. Nothing here knows a disk, and
 //! nothing leaves the page.
 //!
-//! A page makes a [`Motor`] of the logs of one motor and asks it. Questions and answers are JSON, as [`request::Request`] and
-//! [`motor`] have them; both go through [`rotorlead_results`], so that the numbers are those of the command line.
+//! A page makes a [`Motor`] of the logs of one motor and asks it. Questions and answers are JSON, as `request.rs` and
+//! `motor.rs` have them; both go through [`rotorlead_results`], so that the numbers are those of the command line.
 
 mod choices;
 pub mod device;

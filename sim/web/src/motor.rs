@@ -1,6 +1,8 @@
 //! One motor: its logs, and what was made of them. What each question of [`Request`] is answered with stands where it is answered.
 
 mod logs;
+#[cfg(test)]
+mod tests;
 
 use base64::Engine as _;
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
