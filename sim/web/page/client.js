@@ -109,8 +109,8 @@ export class MotorEngine {
   }
 
   /** Takes files, read with these options. */
-  read(files, options, watch) {
-    return this.#ask("read", 0, { files, ask: { ask: "read", options } }, watch);
+  read(files, options, heldOut, watch) {
+    return this.#ask("read", 0, { files, ask: { ask: "read", options, held_out: heldOut } }, watch);
   }
 
   /** What is wrong with these files by themselves, or `null`. */

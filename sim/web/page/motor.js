@@ -23,6 +23,8 @@ export class Motor {
   #taken = null;
   #answered = null;
   #options = {};
+  /** Names of runs to which nothing is fitted. */
+  #heldOut = [];
   #kind = null;
   #purpose = "force";
   #natural = null;
@@ -73,7 +75,7 @@ export class Motor {
   /** Reads these files, and answers; an error that no answer of the reader would mend is given back. */
   async #read(files, options) {
     this.#next = files;
-    const read = await this.#during("reading", (watch) => this.#engine.read(files, options, watch));
+    const read = await this.#during("reading", (watch) => this.#engine.read(files, options, this.#heldOut.filter((name) => files.some((file) => file.name === name)), watch));
     // Others are read meanwhile.
     if (this.#next !== files) return null;
     this.#next = null;
@@ -198,8 +200,25 @@ export class Motor {
     const hadFocus = this.#logs.contains(document.activeElement);
     this.#logs.replaceChildren(...shown.map((file) => element("li", {},
       element("span", { className: "mono", textContent: file.name }),
+      shown.length > 1 ? this.#holdOut(file) : null,
       button("✕", () => this.#remove(file), { className: "remove", ariaLabel: `Remove ${file.name}`, title: `Remove ${file.name}` }))));
     if (hadFocus) this.#logs.querySelector("button").focus();
+  }
+
+  /** Whether a run is kept from the fit, to judge it. */
+  #holdOut({ name }) {
+    const box = element("input", { type: "checkbox", checked: this.#heldOut.includes(name) });
+    box.addEventListener("change", async () => {
+      const before = this.#heldOut;
+      this.#heldOut = box.checked ? [...before, name] : before.filter((one) => one !== name);
+      forgive();
+      const wrong = await this.#read(this.files, this.#options);
+      if (!wrong) return;
+      this.#heldOut = before;
+      box.checked = !box.checked;
+      complain(...errorText(wrong));
+    });
+    return element("label", { className: "check", title: "Nothing is fitted to it: it judges what the others gave" }, box, " held out");
   }
 
   async #remove(file) {

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { execFile } from "node:child_process";
-import { mkdtemp, readdir, rm } from "node:fs/promises";
+import { copyFile, mkdtemp, readdir, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { promisify } from "node:util";
@@ -11,10 +11,11 @@ const run = promisify(execFile);
 /** Most frames that may take longer than this while a slider moves. */
 const FRAME_MS = 50;
 
-export function uses({ browser, program, data }) {
+export function uses({ browser, folder, program, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
   const small = join(data, "cases/command-stamps-dropped/log.bin");
   const other = join(data, "cases/motor-2-moves/log.bin");
+  const staircase = join(folder, "example.csv");
   const test = (name, run) => ({ name, run });
   const ended = async (page) => {
     assert.deepEqual(page.complaints, []);
@@ -152,6 +153,26 @@ export function uses({ browser, program, data }) {
       await page.until(() => document.querySelector(".results .verdict"));
       await ended(page);
       return names.join(", ");
+    }),
+    test("a further run is held out, and judges the first", async () => {
+      const folder = await mkdtemp(join(tmpdir(), "page-"));
+      const again = join(folder, "again.csv");
+      await copyFile(staircase, again);
+      const page = await browser.open();
+      await page.take(staircase);
+      const said = () => page.page.$eval(".results .verdict", (verdict) => verdict.innerText);
+      assert.match(await said(), /held out/);
+      await page.drop(again);
+      await page.click("A further run of example");
+      await page.until(() => document.querySelectorAll(".chips input").length === 2 && document.querySelector(".busy").hidden);
+      await page.page.click(".chips li:last-child input");
+      await page.until(() => document.querySelector(".busy").hidden && !document.querySelector(".results .verdict").innerText.includes("held out that"));
+      // What is held out cannot be all.
+      await page.page.click(".chips li:first-child input");
+      await page.until(() => document.querySelector(".notice")?.innerText.includes("nothing can be fitted"));
+      assert.equal(await page.page.$eval(".chips li:first-child input", (box) => box.checked), false);
+      await rm(folder, { recursive: true });
+      await ended(page);
     }),
     test("several logs are chosen, each of another motor", async () => {
       const page = await browser.open();
