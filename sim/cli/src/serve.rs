@@ -1,11 +1,14 @@
 //! `rotorlead serve`
 
-use std::net::{Ipv4Addr, SocketAddr};
+use std::borrow::Cow;
+use std::io::{self, Read as _, Write as _};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::thread;
+use std::time::Duration;
 
 use clap::Args;
 use flate2::read::GzDecoder;
 use miette::miette;
-use tiny_http::{Header, Method, Request, Response, Server};
 
 use super::outcome::print_bytes;
 
@@ -15,6 +18,12 @@ const FILES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/web_files.rs
 /// Where the page is unless another port is asked for: a browser keeps what it may do, such as to talk to a controller, for one address.
 /// Chosen: any that no service has by the list of IANA.
 const PORT: u16 = 8687;
+
+/// Longest that a browser may take for a request, or for reading its answer.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Bytes of the longest request, and headers in it. Chosen: servers commonly take 8 KB and 100.
+const LONGEST_HEAD: usize = 16_384;
+const MOST_HEADERS: usize = 100;
 
 /// What every answer says: the page takes its own files alone, and no other page may hold it.
 const HEADERS: [(&str, &str); 5] = [
@@ -51,66 +60,98 @@ impl Serve {
             return Err(miette!(help = help, "this program was built without the page"));
         }
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port));
-        let server = Server::http(address).map_err(|error| {
+        let listener = TcpListener::bind(address).map_err(|error| {
             miette!(
                 help = "is it open already? Else --port 0 takes a port that is free",
                 "cannot listen on {address}: {error}"
             )
         })?;
-        let port = server.server_addr().to_ip().map_or(self.port, |address| address.port());
+        let port = listener.local_addr().map_or(self.port, |address| address.port());
         let page = format!("http://127.0.0.1:{port}/");
         print_bytes(format!("{page}\nCtrl-C ends it.\n").as_bytes())?;
         if !self.no_browser && open::that_detached(&page).is_err() {
             eprintln!("No browser was found: open the address by hand.");
         }
-        for request in server.incoming_requests() {
-            let response = answer(&request, port);
-            // A browser that has gone needs no answer.
-            let _ = request.respond(response);
+        for browser in listener.incoming().flatten() {
+            // A browser that has gone, or for which there is no thread, needs no answer.
+            let _ = thread::Builder::new().spawn(move || talk(browser, port));
         }
         Ok(())
     }
 }
 
+/// One request and its answer: a browser opens a connection for each.
+fn talk(mut browser: TcpStream, port: u16) -> io::Result<()> {
+    browser.set_read_timeout(Some(PATIENCE))?;
+    browser.set_write_timeout(Some(PATIENCE))?;
+    let mut head = Vec::new();
+    loop {
+        let mut part = [0; 2048];
+        let length = browser.read(&mut part)?;
+        head.extend_from_slice(&part[..length]);
+        let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+        let mut request = httparse::Request::new(&mut headers);
+        let answer = match request.parse(&head) {
+            Ok(httparse::Status::Complete(_)) => answer(&request, port),
+            Ok(httparse::Status::Partial) if length > 0 && head.len() < LONGEST_HEAD => continue,
+            _ => Answer::refused("400 Bad Request"),
+        };
+        browser.write_all(answer.head().as_bytes())?;
+        if request.method != Some("HEAD") {
+            browser.write_all(&answer.body)?;
+        }
+        return browser.shutdown(Shutdown::Write);
+    }
+}
+
 /// What a request gets.
-fn answer(request: &Request, port: u16) -> Response<std::io::Cursor<Vec<u8>>> {
-    let header =
-        |name: &str| request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
-    let is_own = |host: &str| ["127.0.0.1", "localhost"].iter().any(|name| host == format!("{name}:{port}"));
-    let refuse = |status: u16, words: &str| with_headers(Response::from_string(words).with_status_code(status));
+struct Answer {
+    status: &'static str,
+    headers: Vec<(&'static str, &'static str)>,
+    body: Cow<'static, [u8]>,
+}
+
+impl Answer {
+    fn refused(status: &'static str) -> Self {
+        Self { status, headers: Vec::new(), body: Cow::Borrowed(status.as_bytes()) }
+    }
+
+    /// All before the body.
+    fn head(&self) -> String {
+        let own = self.headers.iter().chain(&HEADERS).map(|(name, value)| format!("{name}: {value}\r\n"));
+        let (status, own, length) = (self.status, own.collect::<String>(), self.body.len());
+        format!("HTTP/1.1 {status}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n")
+    }
+}
+
+fn answer(request: &httparse::Request, port: u16) -> Answer {
+    let header = |name: &str| {
+        let found = request.headers.iter().find(|header| header.name.eq_ignore_ascii_case(name));
+        found.map_or("", |header| str::from_utf8(header.value).unwrap_or_default())
+    };
+    let is_own = |name: &str| header("Host") == format!("{name}:{port}") || (port == 80 && header("Host") == name);
     // A name of another's that leads here would make this page one of theirs.
-    if !header("Host").is_some_and(|host| is_own(host.value.as_str())) {
-        return refuse(421, "This address is for 127.0.0.1 alone.\n");
+    if !["127.0.0.1", "localhost"].into_iter().any(is_own) {
+        return Answer::refused("421 Misdirected Request");
     }
-    if !matches!(request.method(), Method::Get | Method::Head) {
-        return refuse(405, "There is nothing but files here.\n");
+    if !matches!(request.method, Some("GET" | "HEAD")) {
+        return Answer::refused("405 Method Not Allowed");
     }
-    let path = request.url().split(['?', '#']).next().unwrap_or_default();
+    let path = request.path.unwrap_or_default().split(['?', '#']).next().unwrap_or_default();
     let name = if path == "/" { "index.html" } else { path.trim_start_matches('/') };
     let Some((_, packed)) = FILES.iter().find(|(file, _)| *file == name) else {
-        return refuse(404, "There is no such file.\n");
+        return Answer::refused("404 Not Found");
     };
-    let takes_gzip = header("Accept-Encoding").is_some_and(|header| header.value.as_str().contains("gzip"));
-    let mut response = if takes_gzip {
-        Response::from_data(*packed).with_header(written("Content-Encoding", "gzip"))
+    let mut headers = vec![("Content-Type", content_type(name)), ("Vary", "Accept-Encoding")];
+    let body = if header("Accept-Encoding").contains("gzip") {
+        headers.push(("Content-Encoding", "gzip"));
+        Cow::Borrowed(*packed)
     } else {
         let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut GzDecoder::new(*packed), &mut bytes)
-            .expect("it was packed when this was built");
-        Response::from_data(bytes)
+        GzDecoder::new(*packed).read_to_end(&mut bytes).expect("it was packed when this was built");
+        Cow::Owned(bytes)
     };
-    response.add_header(written("Content-Type", content_type(name)));
-    response.add_header(written("Vary", "Accept-Encoding"));
-    with_headers(response)
-}
-
-fn with_headers(mut response: Response<std::io::Cursor<Vec<u8>>>) -> Response<std::io::Cursor<Vec<u8>>> {
-    HEADERS.iter().for_each(|(name, value)| response.add_header(written(name, value)));
-    response
-}
-
-fn written(name: &str, value: &str) -> Header {
-    Header::from_bytes(name, value).expect("names and values are plain text")
+    Answer { status: "200 OK", headers, body }
 }
 
 /// By the end of a file's name.

@@ -38,6 +38,9 @@ export class Engine {
     );
   }
 
+  /** Whether it ever answered. One that did not would not if it were started again. */
+  hasAnswered = false;
+
   /** Whether it can be asked no more. */
   get hasEnded() {
     return this.#ended !== null;
@@ -69,6 +72,7 @@ export class Engine {
     if (broken !== undefined) {
       this.end(broken);
     } else if (answer) {
+      this.hasAnswered = true;
       this.#waiting.delete(id);
       waiting.resolve(answer);
     } else {
@@ -91,8 +95,11 @@ export class MotorEngine {
   }
 
   #heed() {
-    this.#engine.onEnd = (reason) => {
-      this.#restart();
+    const engine = this.#engine;
+    engine.onEnd = (reason) => {
+      // One that has never answered would end again: the next reading starts another.
+      if (reason === null || engine.hasAnswered) this.#restart();
+      else this.#fail(new Ended(reason));
       if (reason !== null) this.broke(reason, this.#restored);
     };
   }
@@ -102,9 +109,17 @@ export class MotorEngine {
     this.#heed();
     const [engine, past] = [this.#engine, this.#past];
     this.#restored = (async () => {
-      for (const { question } of past) await engine.ask(question);
+      for (const { question } of past) {
+        const { error } = await engine.ask(question);
+        if (error) throw new Ended(error.message);
+      }
     })();
     // Who asks next hears of it.
+    this.#restored.catch(() => {});
+  }
+
+  #fail(error) {
+    this.#restored = Promise.reject(error);
     this.#restored.catch(() => {});
   }
 
@@ -142,6 +157,7 @@ export class MotorEngine {
   async #ask(name, depth, question, watch) {
     // Where restoring failed, a reading starts anew.
     await (depth === 0 ? null : this.#restored);
+    if (depth === 0 && this.#engine.hasEnded) this.#restart();
     const engine = this.#engine;
     const answer = await engine.ask(question, watch);
     if (name && !answer.error) this.#past = [...this.#past.filter((one) => one.depth < depth), { depth, question }];
@@ -155,7 +171,8 @@ export class MotorEngine {
     apart.onEnd = (reason) => reason !== null && this.broke(reason, this.#restored);
     try {
       const [read] = this.#past;
-      await apart.ask(read.question, watch);
+      const again = await apart.ask(read.question, watch);
+      if (again.error) return again;
       const question = { ask: { ask: "answer", ...request } };
       const answer = await apart.ask(question, watch);
       if (!answer.error) {

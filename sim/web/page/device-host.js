@@ -75,5 +75,5 @@ export async function ask(question) {
 
 /** Says something to the page. */
 export function tell(what) {
-  postMessage({ told: JSON.parse(what) });
+  postMessage({ heard: JSON.parse(what) });
 }

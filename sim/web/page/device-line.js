@@ -10,7 +10,7 @@ export function whatIsMissing() {
   return hasPromises ? null : `This browser cannot wait for the box (WebAssembly's JSPI): Chromium, Chrome and Edge can from version 137 on. ${instead}`;
 }
 
-/** A conversation with a box. `told`, `asked` and `over` are called with what it says, with a question, and with why it ended. */
+/** A conversation with a box. `heard`, `asked` and `over` are called with what it says, with a question, and with why it ended. */
 export class Line {
   #worker = new Worker(new URL("device-worker.js", import.meta.url), { type: "module" });
   #port;
@@ -21,9 +21,9 @@ export class Line {
   #over = null;
   #ready;
 
-  constructor(port, { told, asked, over }) {
+  constructor(port, { heard, asked, over }) {
     this.#port = port;
-    this.told = told;
+    this.heard = heard;
     this.asked = asked;
     this.over = over;
     this.#ready = new Promise((resolve) => { this.#start = resolve; });
@@ -78,9 +78,11 @@ export class Line {
     this.#start({ stop: [] });
     this.#worker.postMessage({ over: inShort });
     this.over(reason);
-    await before;
+    // A box that takes nothing any more is not waited for.
+    const within = (job) => Promise.race([job.then(() => true), new Promise((resolve) => { setTimeout(resolve, 1000, false); })]);
+    if (before && !(await within(before))) this.#writer.abort().catch(() => {});
     // Whoever waits has the reason from the program itself, where it still answers.
-    await Promise.race([this.#answered(), new Promise((resolve) => { setTimeout(resolve, 1000); })]);
+    await within(this.#answered());
     this.#worker.terminate();
     for (const { reject } of this.#waiting.values()) reject(new Error(reason));
     this.#waiting.clear();
@@ -105,13 +107,13 @@ export class Line {
     return waiting.answer;
   }
 
-  #take({ facts, id, answer, broken, write, question, told }) {
+  #take({ facts, id, answer, broken, write, question, heard }) {
     if (facts) this.#start(facts);
     else if (answer) this.#resolve(id, answer);
-    else if (broken !== undefined) this.end(`the program of the box has ended: ${broken}`);
+    else if (broken !== undefined) this.cut(`the program of the box has ended: ${broken}`);
     else if (write) this.#write(id, write);
     else if (question) this.asked(question);
-    else if (told) this.told(told);
+    else if (heard) this.heard(heard);
   }
 
   #resolve(id, answer) {

@@ -1,5 +1,6 @@
 // The tuning of motors at the box: its options, its questions, how far it is, and the files that it gives.
 
+import { keep } from "./keep.js";
 import { button, element, newId } from "./element.js";
 
 // As on the command line.
@@ -71,13 +72,13 @@ export function tuning({ ask, answer, stop, say, files }) {
     );
   }
 
-  function told(what) {
+  function heard(what) {
     if (what.announced) announced.textContent = what.announced;
     if (what.proposed) {
       proposed.textContent = what.proposed;
       proposed.hidden = false;
     }
-    if (what.file) keep(what.file, what.text);
+    if (what.file) list(what.file, what.text);
     if (what.total) {
       bar.hidden = false;
       bar.value = what.rows / what.total;
@@ -89,7 +90,7 @@ export function tuning({ ask, answer, stop, say, files }) {
     }
   }
 
-  function keep(name, text) {
+  function list(name, text) {
     if (!kept.has(name)) {
       const link = element("a", { textContent: name, href: "#", on: { click: (event) => save(event, name) } });
       files.append(element("li", {}, link));
@@ -100,9 +101,7 @@ export function tuning({ ask, answer, stop, say, files }) {
 
   function save(event, name) {
     event.preventDefault();
-    const url = URL.createObjectURL(new Blob([kept.get(name)], { type: "text/plain" }));
-    element("a", { href: url, download: name.replace("/", "-") }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 1000);
+    keep(name.replaceAll("/", "-"), kept.get(name));
   }
 
   return {
@@ -112,7 +111,7 @@ export function tuning({ ask, answer, stop, say, files }) {
       element("div", { className: "fields" }, fields), element("p", {}, rpmLabel), element("p", {}, limitsLabel),
       element("p", { className: "choices" }, start, stopButton), announced, bar, proposed, question.element, result),
     asked: question.ask,
-    told,
+    heard,
   };
 }
 

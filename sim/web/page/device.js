@@ -51,7 +51,7 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
     say("Connecting…");
     let panel;
     const line = new Line(port, {
-      told: (what) => panel?.told(what),
+      heard: (what) => panel?.heard(what),
       asked: (question) => panel?.asked(question),
       over: (reason) => over(reason, () => panel?.end()),
     });
@@ -176,7 +176,7 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
         if (answer) list(settings, Object.entries(answer.settings).map(([key, value]) => ({ text: `${key} = ${value}` })));
       }),
       setting, tune.element,
-      element("p", { className: "choices" }, button("Disconnect", () => line.end("Disconnected."))),
+      element("p", { className: "choices" }, button("Disconnect", () => line.cut("Disconnected."))),
     );
     connected.hidden = false;
 
@@ -207,10 +207,10 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
     return {
       show: shown,
       asked: tune.asked,
-      told(what) {
+      heard(what) {
         isTurning = what.turning ?? isTurning;
         hide();
-        tune.told(what);
+        tune.heard(what);
       },
       end() {
         clearInterval(timer);

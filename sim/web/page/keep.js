@@ -9,7 +9,7 @@ export function keep(name, content, type = "text/plain") {
   document.body.append(link);
   link.click();
   link.remove();
-  // When the download has begun the address is not needed any more.
+  // When the download runs the address is not needed any more.
   setTimeout(() => URL.revokeObjectURL(address), 60_000);
 }
 

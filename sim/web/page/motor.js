@@ -47,8 +47,9 @@ export class Motor {
   }
 
   /** Takes further files: all, or where some are no logs the others. */
-  async add(added) {
+  async add(given) {
     forgive();
+    const added = isExperiment(given) ? given : this.#apart(given);
     const error = await this.#read([...(this.#next ?? this.files), ...added], this.#options);
     if (!error) return;
     const wrong = added.length > 1 && !isExperiment(added) ? await this.#wrong(added) : [];
@@ -60,6 +61,18 @@ export class Motor {
     const rest = added.filter((file) => !wrong.some((one) => one.file === file));
     const next = rest.length ? await this.#read([...this.files, ...rest], this.#options) : null;
     if (next) this.#refuse(rest, next);
+  }
+
+  /** The same files, each with a name that no other has: runs of several folders are often called alike. */
+  #apart(given) {
+    const names = new Set(this.files.map(({ name }) => name));
+    return given.map((one) => {
+      const [, stem, end] = one.name.match(/^(.*?)(\.[^.]*)?$/s);
+      let { name } = one;
+      for (let count = 2; names.has(name); count += 1) name = `${stem} (${count})${end ?? ""}`;
+      names.add(name);
+      return { ...one, name };
+    });
   }
 
   async #wrong(added) {
@@ -198,16 +211,19 @@ export class Motor {
     // An experiment's folder is one.
     const shown = isExperiment(this.files) ? [{ name: `${this.name}, ${this.files.length} files`, file: null }] : this.files;
     const hadFocus = this.#logs.contains(document.activeElement);
+    const { heldOut } = document.activeElement.dataset;
     this.#logs.replaceChildren(...shown.map((file) => element("li", {},
       element("span", { className: "mono", textContent: file.name }),
       shown.length > 1 ? this.#holdOut(file) : null,
       button("✕", () => this.#remove(file), { className: "remove", ariaLabel: `Remove ${file.name}`, title: `Remove ${file.name}` }))));
-    if (hadFocus) this.#logs.querySelector("button").focus();
+    const focused = [...this.#logs.querySelectorAll("input")].find((box) => box.dataset.heldOut === heldOut);
+    if (hadFocus) (focused ?? this.#logs.querySelector("button")).focus();
   }
 
   /** Whether a run is kept from the fit, to judge it. */
   #holdOut({ name }) {
     const box = element("input", { type: "checkbox", checked: this.#heldOut.includes(name) });
+    box.dataset.heldOut = name;
     box.addEventListener("change", async () => {
       const before = this.#heldOut;
       this.#heldOut = box.checked ? [...before, name] : before.filter((one) => one !== name);

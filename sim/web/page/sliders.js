@@ -55,6 +55,11 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
     if (refused) says.prepend(element("p", { className: "refused" }, sentence(refused)));
   };
 
+  // What a slider asked before is not to come behind.
+  const designed = (request) => {
+    next = null;
+    design(request);
+  };
   const radios = (legend, entries, chosen, changed) => {
     const name = newId("choice");
     const set = element("fieldset", { className: "radios" }, element("legend", { textContent: legend }),
@@ -70,12 +75,12 @@ export function tuning({ choices, answer, kind, purpose, natural: tried, fly, de
   const kinds = radios("Kind", KINDS, kind ?? "", (value) => {
     kind = value || null;
     if (kind === "inverse") ask();
-    else design({ kind, purpose });
+    else designed({ kind, purpose });
   });
   const purposes = radios("For", PURPOSES, purpose, (value) => {
     purpose = value;
     if (kind === "inverse") ask();
-    else design({ kind, purpose });
+    else designed({ kind, purpose });
   });
   slider.addEventListener("input", () => {
     read();

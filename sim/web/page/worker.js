@@ -21,7 +21,9 @@ async function answer({ id, choose, compare, files, ask }) {
   const watch = (stage, steps) => postMessage({ id, stage, steps });
   if (choose) return JSON.parse(choices());
   if (compare) return JSON.parse(fleet(JSON.stringify(compare)));
-  return files ? read(files, ask, watch) : JSON.parse(motor.ask(JSON.stringify(ask), watch));
+  if (files) return read(files, ask, watch);
+  if (!motor) return { error: { message: "no log was taken", help: "answer what the log does not say of itself" } };
+  return JSON.parse(motor.ask(JSON.stringify(ask), watch));
 }
 
 let start;

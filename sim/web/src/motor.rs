@@ -5,17 +5,15 @@ mod logs;
 mod tests;
 
 use base64::Engine as _;
-use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
-use rotorlead_answer::{Fact, Report};
-use rotorlead_design::Latency;
+use rotorlead_answer::{Answer, Fact, Report};
 use rotorlead_export::{ExportSettings, Exported, Exporter, c_header};
 use rotorlead_plant::{CompensatorDesign, Judgement};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::to_toml;
 use rotorlead_report::{Fragment, html, table_html};
 use rotorlead_results::{
-    Asked, DesignRequest, DesignResult, Kind, Overview, Watch, answer_page, diagnosis_answer, experiment_facts,
-    export_warnings, flight_section, recommendation_table,
+    Asked, DesignRequest, Kind, Overview, Watch, answer_page, diagnosis_answer, experiment_facts, export_warnings,
+    flight_section, recommendation_table,
 };
 use rotorlead_vehicle::{MotorControlKind, Purpose, recommend};
 use serde_json::{Value, json};
@@ -30,15 +28,8 @@ use logs::{Given, Taken};
 pub struct Motor {
     given: Given,
     taken: Option<Taken>,
-    answered: Option<Answered>,
-    /// The compensator that was shown last.
-    shown: Option<CompensatorDesign>,
-}
-
-/// All that the logs say.
-struct Answered {
-    overview: Overview,
-    report: Report,
+    /// All that the logs say, with the compensator that was shown last.
+    answered: Option<Overview>,
 }
 
 impl Motor {
@@ -53,7 +44,7 @@ impl Motor {
         match request {
             Request::Read { options, held_out } => {
                 watch("reading", 0);
-                (self.answered, self.shown) = (None, None);
+                self.answered = None;
                 let taken = self.taken.insert(self.given.read(options, held_out)?);
                 Ok(json!({
                     "name": taken.experiment.name,
@@ -90,10 +81,14 @@ impl Motor {
             },
         };
         // Another kind or purpose is another design for what was found.
-        let known = self.answered.take().map(|answered| answered.overview);
+        let known = self.answered.take();
         let mut overview = match known.filter(|known| known.diagnosed.is_some() == asked.with_diagnosis) {
             Some(mut known) => {
-                known.design(experiment, asked.kind, asked.purpose);
+                known.design(
+                    experiment,
+                    &DesignRequest { kind: asked.kind, ..DesignRequest::default() },
+                    asked.purpose,
+                );
                 known
             }
             None => Overview::from_experiment(experiment, self.given.folder(), asked, watch)
@@ -103,14 +98,7 @@ impl Motor {
             let provenance = found.identification.model.provenance.iter_mut().chain(&mut overview.model.provenance);
             provenance.for_each(|from| from.records_crc32.clone_from(&taken.checksum));
         }
-        let report = Report {
-            facts: facts(experiment, taken),
-            verdict: overview.verdict(experiment),
-            warnings: overview.warnings(),
-            sections: overview.sections(experiment),
-            commands: taken.commands.clone(),
-            ..answer_page("Experiment", experiment.name.clone(), &rotorlead_answer::Answer::default())
-        };
+        let report = report(taken, &overview);
         let mut answer = page(&report)?;
         let identified = overview.identified.as_ref().ok().map(|found| found.answer(experiment).json());
         let diagnosed = overview.diagnosed.as_ref().and_then(|part| part.as_ref().ok());
@@ -119,40 +107,40 @@ impl Motor {
         answer["identify"] = identified.into();
         answer["diagnose"] = diagnosed.map(|found| diagnosis_answer(found).json()).into();
         answer["natural_rad_s"] = natural.into();
-        self.shown.clone_from(&overview.compensator);
-        self.answered = Some(Answered { overview, report });
+        self.answered = Some(overview);
         Ok(answer)
     }
 
     /// An inverse of one natural frequency beside the bare motor and the lead.
     fn fly(&mut self, natural_rad_s: f64, purpose: Purpose) -> Result<Value, Fault> {
-        let model = &self.answered()?.overview.model;
+        let (Some(taken), Some(overview)) = (&self.taken, &mut self.answered) else { return Err(no_logs()) };
+        let request =
+            DesignRequest { kind: Some(Kind::Inverse), natural_rad_s: Some(natural_rad_s), ..DesignRequest::default() };
+        // As the report would have it: refused where it is, and for what a diagnosis has added.
+        overview.design(&taken.experiment, &request, purpose);
+        let (model, designed) = (&overview.model, &overview.designed);
         let asked =
             rotorlead_vehicle::Asked { natural_rad_s: Some(natural_rad_s), ..rotorlead_vehicle::Asked::default() };
         let found = recommend(model, model.judgement().and_then(Judgement::doubt), &asked)
             .map_err(|error| Fault::from(miette::Report::from(error)))?;
-        let request =
-            DesignRequest { kind: Some(Kind::Inverse), natural_rad_s: Some(natural_rad_s), ..DesignRequest::default() };
-        let designed = request.design(model, purpose, Latency::standard(DEFAULT_LOOP_RATE_HZ));
-        let refused = designed.as_ref().err().map(ToString::to_string);
-        let says = designed.as_ref().map(|found: &DesignResult| verdict(&found.answer(model).verdict));
-        let (says, shown) = (says.ok().transpose()?, designed.ok().map(|found| found.compensator));
-        let answer = json!({
+        let says = designed.as_ref().map(|answer| verdict(&answer.verdict)).ok().transpose()?;
+        let compensator = overview.compensator.as_ref().map(CompensatorDesign::stored);
+        Ok(json!({
             "section": Fragment::new(&flight_section(&found))?,
             "table": table_html(&recommendation_table(&found))?,
-            "refused": refused,
+            "refused": designed.as_ref().err(),
             "says": says,
-            "compensator": shown.as_ref().map(CompensatorDesign::stored),
-        });
-        self.shown = shown;
-        Ok(answer)
+            "compensator": compensator,
+        }))
     }
 
     /// A file of `rotorlead export`.
     fn export(&self, name: &str, compensated: bool) -> Result<Value, Fault> {
         let target = target(name)?;
-        let model = &self.answered()?.overview.model;
-        let compensator = self.shown.as_ref().filter(|_| compensated && target.foreign("--compensator").is_none());
+        let overview = self.answered()?;
+        let model = &overview.model;
+        let compensator =
+            overview.compensator.as_ref().filter(|_| compensated && target.foreign("--compensator").is_none());
         let settings =
             ExportSettings { compensator, warnings: export_warnings(model, compensator), ..ExportSettings::default() };
         let experiment = self.taken.as_ref().map(|taken| &taken.experiment);
@@ -175,27 +163,40 @@ impl Motor {
 
     /// A file to keep.
     fn file(&self, name: FileName) -> Result<Value, Fault> {
-        let Answered { overview, report } = self.answered()?;
-        let compensator = || {
-            let none = || Fault::new("there is no compensator", "choose one that is not refused");
-            self.shown.as_ref().ok_or_else(none)
-        };
+        let overview = self.answered()?;
+        let none = || Fault::new("there is no compensator", "choose one that is not refused");
+        let compensator = || overview.compensator.as_ref().ok_or_else(none);
         let (file, text) = match name {
             FileName::Model => ("model.toml", to_toml(&overview.model)),
             FileName::Compensator => ("compensator.toml", compensator()?.text("compensator.toml".as_ref())?),
             FileName::Header => ("compensator.h", c_header(compensator()?)),
-            FileName::Report => ("report.html", html(report)?),
+            FileName::Report => {
+                let taken = self.taken.as_ref().ok_or_else(no_logs)?;
+                ("report.html", html(&report(taken, overview))?)
+            }
         };
         Ok(json!({ "file": file, "text": text }))
     }
 
-    fn answered(&self) -> Result<&Answered, Fault> {
+    fn answered(&self) -> Result<&Overview, Fault> {
         self.answered.as_ref().ok_or_else(no_logs)
     }
 }
 
 fn no_logs() -> Fault {
     Fault::new("no log was taken", "give one, and say what it does not say of itself")
+}
+
+fn report(taken: &Taken, overview: &Overview) -> Report {
+    let experiment = &taken.experiment;
+    Report {
+        facts: facts(experiment, taken),
+        verdict: overview.verdict(experiment),
+        warnings: overview.warnings(),
+        sections: overview.sections(experiment),
+        commands: taken.commands.clone(),
+        ..answer_page("Experiment", experiment.name.clone(), &Answer::default())
+    }
 }
 
 fn facts(experiment: &Experiment, taken: &Taken) -> Vec<Fact> {

@@ -9,7 +9,7 @@ import { Browser } from "./browser.mjs";
 import { judgements } from "./judgements.mjs";
 import { looks } from "./looks.mjs";
 import { mishaps } from "./mishaps.mjs";
-import { serve } from "./serve.mjs";
+import { serve, served } from "./program.mjs";
 import { uses } from "./uses.mjs";
 
 const AT_A_TIME = 2;
@@ -18,17 +18,17 @@ const [folder, modules, program, data] = process.argv.slice(2, 6).map((path) => 
 const [only] = process.argv.slice(6);
 if (!data) throw new Error("give the page's folder, node_modules, the program rotorlead and the folder of data");
 
-const server = await serve(folder);
+const server = await serve(program);
 const browser = await Browser.start(modules, server.address);
-const given = { browser, folder, program, data };
-const tests = [mishaps, judgements, uses, looks].flatMap((some) => some(given)).filter(({ name }) => !only || name.includes(only));
+const given = { browser, folder, program, data, server };
+const tests = [mishaps, judgements, uses, looks, served].flatMap((some) => some(given)).filter(({ name }) => !only || name.includes(only));
 const start = performance.now();
 let failed = 0;
 const next = tests[Symbol.iterator]();
 const runner = async () => {
   for (const { name, run } of next) {
-    const begun = performance.now();
-    const seconds = () => ((performance.now() - begun) / 1000).toFixed(1);
+    const from = performance.now();
+    const seconds = () => ((performance.now() - from) / 1000).toFixed(1);
     try {
       const said = await run();
       console.log(`ok    ${name}, ${seconds()} s${said ? `: ${said}` : ""}`);

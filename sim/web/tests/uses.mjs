@@ -156,7 +156,8 @@ export function uses({ browser, folder, program, data }) {
     }),
     test("a further run is held out, and judges the first", async () => {
       const folder = await mkdtemp(join(tmpdir(), "page-"));
-      const again = join(folder, "again.csv");
+      // Called as the first: both are runs all the same.
+      const again = join(folder, "example.csv");
       await copyFile(staircase, again);
       const page = await browser.open();
       await page.take(staircase);
@@ -165,6 +166,8 @@ export function uses({ browser, folder, program, data }) {
       await page.drop(again);
       await page.click("A further run of example");
       await page.until(() => document.querySelectorAll(".chips input").length === 2 && document.querySelector(".busy").hidden);
+      const names = await page.page.$$eval(".chips .mono", (chips) => chips.map((chip) => chip.textContent));
+      assert.deepEqual(names, ["example.csv", "example (2).csv"]);
       await page.page.click(".chips li:last-child input");
       await page.until(() => document.querySelector(".busy").hidden && !document.querySelector(".results .verdict").innerText.includes("held out that"));
       // What is held out cannot be all.

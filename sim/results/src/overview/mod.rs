@@ -134,20 +134,19 @@ impl Overview {
             overview.findings.retain(|finding| finding.topic != Topic::GoodnessOfFit);
         }
         (watch.stage)("designing");
-        overview.design(experiment, asked.kind, asked.purpose);
+        overview.design(experiment, &DesignRequest { kind: asked.kind, ..DesignRequest::default() }, asked.purpose);
         Ok(overview)
     }
 
     /// Designs what is asked for, or what is recommended for the purpose, for the model with what the diagnosis found to be missing: anew,
     /// where something was designed already.
-    pub fn design(&mut self, experiment: &Experiment, kind: Option<Kind>, purpose: Purpose) {
+    pub fn design(&mut self, experiment: &Experiment, request: &DesignRequest, purpose: Purpose) {
         let in_frequency = self.identified.as_ref().ok().and_then(|found| found.identification.lags.in_frequency());
         let measured = in_frequency.map(measured);
         let lacking = self.lacking();
         let is_of_steps = self.is_of_steps();
         let extended =
             lacking.map(|found| if is_of_steps { with_effects(&self.model, found) } else { found.model.clone() });
-        let request = DesignRequest { kind, ..DesignRequest::default() };
         let recommendation = &self.assessment.recommendation;
         let chosen = request
             .chosen(extended.as_ref().unwrap_or(&self.model), purpose, recommendation.clone())

@@ -44,7 +44,7 @@ impl Taken {
 }
 
 impl Given {
-    /// Adds a file. One of a name that is there already takes its place.
+    /// Adds a file, which the page gives a name of its own. One of a name that is there already takes its place.
     pub fn add(&mut self, name: String, bytes: Vec<u8>) {
         if self.files.insert(name.clone(), bytes).is_none() {
             self.names.push(name);
