@@ -1,27 +1,57 @@
 // What the page's module says of logs and folders, and what the program says of them: both as JSON into a folder, for `cargo xtask web`
 // to compare, and how long each took. The program has one thread, as the page's worker has.
 //
-// node numbers.mjs PAGE PROGRAM DATA OUT DIR...
+// node numbers.mjs PAGE NODE_MODULES PROGRAM DATA OUT DIR...
 
 import { execFileSync } from "node:child_process";
-import { copyFileSync, mkdirSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
-import { basename, join, resolve } from "node:path";
-import { pathToFileURL } from "node:url";
-import { CASES, typed } from "./cases.mjs";
+import { mkdirSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { basename, join } from "node:path";
 
-const [page, program, data, out, ...folders] = process.argv.slice(2);
+import { Browser } from "./browser.mjs";
+import { CASES, typed } from "./cases.mjs";
+import { serve } from "./serve.mjs";
+
+const [page, modules, program, data, out, ...folders] = process.argv.slice(2);
 mkdirSync(join(out, "native"), { recursive: true });
 mkdirSync(join(out, "web"), { recursive: true });
 
-// Beside a description by which node takes them for modules.
-const modules = resolve(out, "modules");
-mkdirSync(modules, { recursive: true });
-writeFileSync(join(modules, "package.json"), JSON.stringify({ type: "module" }));
-for (const name of ["rotorlead_web.js", "device-host.js", "promises.js"]) copyFileSync(join(page, name), join(modules, name));
-await import(pathToFileURL(join(modules, "promises.js")));
-const { default: init, Motor } = await import(pathToFileURL(join(modules, "rotorlead_web.js")));
-await init({ module_or_path: readFileSync(join(page, "rotorlead_web_bg.wasm")) });
+const server = await serve(page);
+const browser = await Browser.start(modules, server.address);
+const { page: tab } = await browser.open();
+await tab.evaluate(async () => { globalThis.Engine = (await import("/client.js")).Engine; });
 
+/** What an engine of the page's says of files: as they are asked in turn, and how long all of it took. */
+async function web(files, questions) {
+  const packed = files.map(([name, bytes]) => [name, bytes.toString("base64")]);
+  await tab.evaluate((packed, questions) => {
+    globalThis.said = null;
+    const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    const files = packed.map(([name, text]) => ({ name, file: new File([bytes(text)], name) }));
+    const ask = async () => {
+      const engine = new Engine();
+      // Until it has started, which is not of the log.
+      await engine.ask({ choose: true });
+      const answers = [];
+      const start = performance.now();
+      for (const [place, question] of questions.entries()) {
+        answers.push(await engine.ask({ ...(place ? {} : { files }), ask: question }));
+        if (answers.at(-1).error) break;
+      }
+      engine.end();
+      return { answers, time: performance.now() - start };
+    };
+    ask().then((answered) => { globalThis.said = answered; }, (error) => { globalThis.said = { broken: String(error) }; });
+  }, packed, questions);
+  for (;;) {
+    const said = await tab.evaluate(() => globalThis.said);
+    if (said?.broken) throw new Error(said.broken);
+    if (said) return said;
+    await new Promise((resolve) => { setTimeout(resolve, 50); });
+  }
+}
+
+/** Longest that the page may take, in times of the program. */
+const MOST_TIMES = 3;
 // A question that has no answer, and keys of the command line alone: what wrote a file, what it was read from, and clocks that it merged.
 const REFUSED = { refused: true };
 const NOT_COMPARED = ["generator", "logs", "alignment"];
@@ -53,21 +83,19 @@ let [nativeTime, webTime] = [0, 0];
 for (const one of [...ofCases, ...ofFolders]) {
   const report = native("report", one, ["--out", join(out, "report.html"), "--force"]);
   const identify = native("identify", one, []);
-  const start = performance.now();
-  const motor = new Motor();
-  for (const [name, bytes] of one.files) motor.add(name, bytes);
-  const ask = (request) => JSON.parse(motor.ask(JSON.stringify(request), () => {}));
-  const read = ask({ ask: "read", options: one.options });
-  const said = read.error ? read : ask({ ask: "answer", purpose: "force", diagnosis: true });
-  const time = performance.now() - start;
+  const read = { ask: "read", options: one.options };
+  const whole = { ask: "answer", purpose: "force", diagnosis: true };
+  const { answers: [taken, said = taken], time } = await web(one.files, [read, whole]);
   // With a diagnosis the judgement says what it found.
-  const alone = read.error ? read : ask({ ask: "answer", purpose: "force", diagnosis: false });
-  motor.free();
-  const web = { report: said.error ? REFUSED : said.values, identify: alone.identify ?? REFUSED };
-  for (const answer of [report.answer, identify.answer, web.report, web.identify]) for (const key of NOT_COMPARED) delete answer[key];
+  const { answers: [, alone = taken] } = await web(one.files, [read, { ...whole, diagnosis: false }]);
+  const shown = { report: said.error ? REFUSED : said.values, identify: alone.identify ?? REFUSED };
+  for (const answer of [report.answer, identify.answer, shown.report, shown.identify]) for (const key of NOT_COMPARED) delete answer[key];
   writeFileSync(join(out, "native", `${one.name}.json`), JSON.stringify({ report: report.answer, identify: identify.answer }));
-  writeFileSync(join(out, "web", `${one.name}.json`), JSON.stringify(web));
+  writeFileSync(join(out, "web", `${one.name}.json`), JSON.stringify(shown));
   if (report.time && !said.error) [nativeTime, webTime] = [nativeTime + report.time, webTime + time];
   console.log(`${one.name}: program ${report.time.toFixed(0)} ms, page ${time.toFixed(0)} ms${said.error ? `, refused: ${said.error.message}` : ""}`);
 }
 console.log(`in all: program ${nativeTime.toFixed(0)} ms, page ${webTime.toFixed(0)} ms, ${(webTime / nativeTime).toFixed(2)} times as long`);
+await browser.close();
+server.close();
+if (!(webTime < MOST_TIMES * nativeTime)) throw new Error(`more than ${MOST_TIMES} times as long`);

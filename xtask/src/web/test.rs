@@ -32,7 +32,7 @@ pub fn test(options: &[&str]) -> Result {
     }
     if !flags.is_empty() {
         let program = program(&page, &["--release"])?;
-        return numbers(&page, &program, &data, &folders);
+        return numbers(&page, &modules, &program, &data, &folders);
     }
     let program = program(&page, &[])?;
     run(command("node", &["sim/web/tests/run.mjs"]).arg(&page).arg(modules).arg(program).arg(data))
@@ -49,13 +49,13 @@ fn serial(page: &Path, modules: &Path) -> Result {
 }
 
 /// Compares numbers: to 1e-9, or where a search ends elsewhere to 0.05 of a standard deviation, each of which is listed.
-fn numbers(page: &Path, program: &Path, data: &Path, folders: &[&str]) -> Result {
+fn numbers(page: &Path, modules: &Path, program: &Path, data: &Path, folders: &[&str]) -> Result {
     let out = target_folder().join("web-numbers");
     if out.exists() {
         fs::remove_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
     }
     let mut node = command("node", &["sim/web/tests/numbers.mjs"]);
-    run(node.args([page, program, data, &out]).args(folders))?;
+    run(node.args([page, modules, program, data, &out]).args(folders))?;
     let (native, web) = (read(&out.join("native"))?, read(&out.join("web"))?);
     let renamed = Renamed::default();
     let exact = Comparison::compare(&native, &web, &renamed, Tolerance::EQUAL);
