@@ -98,7 +98,9 @@ export class Motors {
     const models = await Promise.all(this.#motors.map(async (motor, place) => ({ motor: this.#nameOf(motor, place), model: (await motor.get({ ask: "file", name: "model.toml" }))?.text })));
     const answer = await engine.ask({ compare: models.filter(({ model }) => model) }).catch((error) => ({ error: { message: String(error.message) } }));
     engine.end();
-    this.#comparison.replaceChildren(...(answer.error
+    const without = models.filter(({ model }) => !model).map(({ motor }) => motor);
+    const left = without.length ? [element("p", { className: "left", textContent: `Not compared, as there is no model yet: ${without.join(", ")}.` })] : [];
+    this.#comparison.replaceChildren(...left, ...(answer.error
       ? [element("section", { className: "verdict bad", attributes: { role: "alert" } }, ...errorText(answer.error))]
       : [element("div", { innerHTML: answer.verdict }), sectionOf(answer.section)]));
   }

@@ -24,13 +24,13 @@ impl Fault {
     }
 
     /// What a log does not say of itself, and which columns it has.
-    pub fn of_log(error: &ImportError, columns: Vec<String>) -> Self {
+    pub fn from_log(error: &ImportError, columns: Vec<String>) -> Self {
         let help = error.help().map(|help| help.to_string()).unwrap_or_default();
         Self { message: error.to_string(), help, missing: error.missing_options(), columns }
     }
 
     /// Why nothing was identified. Of a log, what drove the command may be another than was taken.
-    pub fn of_identification(error: IdentifyError, is_log: bool) -> Self {
+    pub fn from_identification(error: IdentifyError, is_log: bool) -> Self {
         let may_be_another = matches!(
             error,
             IdentifyError::NoRecord { .. }

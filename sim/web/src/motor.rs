@@ -92,7 +92,7 @@ impl Motor {
                 known
             }
             None => Overview::from_experiment(experiment, self.given.folder(), asked, watch)
-                .map_err(|error| Fault::of_identification(error, taken.is_of_logs()))?,
+                .map_err(|error| Fault::from_identification(error, taken.has_logs()))?,
         };
         if let Ok(found) = &mut overview.identified {
             let provenance = found.identification.model.provenance.iter_mut().chain(&mut overview.model.provenance);
@@ -139,8 +139,11 @@ impl Motor {
         let target = target(name)?;
         let overview = self.answered()?;
         let model = &overview.model;
-        let compensator =
-            overview.compensator.as_ref().filter(|_| compensated && target.foreign("--compensator").is_none());
+        if let Some(purpose) = target.foreign("--compensator").filter(|_| compensated) {
+            let message = format!("a compensator is {purpose}, and {name} has none");
+            return Err(Fault::new(message, "leave the compensator out"));
+        }
+        let compensator = if compensated { Some(compensator(overview)?) } else { None };
         let settings =
             ExportSettings { compensator, warnings: export_warnings(model, compensator), ..ExportSettings::default() };
         let experiment = self.taken.as_ref().map(|taken| &taken.experiment);
@@ -164,12 +167,10 @@ impl Motor {
     /// A file to keep.
     fn file(&self, name: FileName) -> Result<Value, Fault> {
         let overview = self.answered()?;
-        let none = || Fault::new("there is no compensator", "choose one that is not refused");
-        let compensator = || overview.compensator.as_ref().ok_or_else(none);
         let (file, text) = match name {
             FileName::Model => ("model.toml", to_toml(&overview.model)),
-            FileName::Compensator => ("compensator.toml", compensator()?.text("compensator.toml".as_ref())?),
-            FileName::Header => ("compensator.h", c_header(compensator()?)),
+            FileName::Compensator => ("compensator.toml", compensator(overview)?.text("compensator.toml".as_ref())?),
+            FileName::Header => ("compensator.h", c_header(compensator(overview)?)),
             FileName::Report => {
                 let taken = self.taken.as_ref().ok_or_else(no_logs)?;
                 ("report.html", html(&report(taken, overview))?)
@@ -181,6 +182,12 @@ impl Motor {
     fn answered(&self) -> Result<&Overview, Fault> {
         self.answered.as_ref().ok_or_else(no_logs)
     }
+}
+
+/// The compensator that was shown last.
+fn compensator(overview: &Overview) -> Result<&CompensatorDesign, Fault> {
+    let none = || Fault::new("there is no compensator", "choose one that is not refused");
+    overview.compensator.as_ref().ok_or_else(none)
 }
 
 fn no_logs() -> Fault {

@@ -38,7 +38,7 @@ pub struct Taken {
 
 impl Taken {
     /// Whether it was taken of logs, and not of a folder.
-    pub fn is_of_logs(&self) -> bool {
+    pub fn has_logs(&self) -> bool {
         self.logs.is_some()
     }
 }
@@ -107,14 +107,15 @@ impl Given {
             findings: logs.findings,
             checksum: sum,
             names: self.names.clone(),
-            commands: self.commands(&typed),
+            // Which runs are held out no command says.
+            commands: if held_out.is_empty() { self.commands(&typed) } else { Vec::new() },
         })
     }
 
     fn import(&self, file: &Path, options: &ImportOptions) -> Result<Import, Fault> {
         let bytes = self.files.get(&*file.to_string_lossy()).map_or(&[][..], |bytes| bytes);
-        let of_log = |error: ImportError| Fault::of_log(&error, table_columns(file, bytes));
-        let log = import_bytes(file, bytes, options).map_err(of_log)?;
+        let asks = |error: ImportError| Fault::from_log(&error, table_columns(file, bytes));
+        let log = import_bytes(file, bytes, options).map_err(asks)?;
         match options.unused_in(&log.summary) {
             None => Ok(log),
             Some((option, reason)) => {
