@@ -16,8 +16,8 @@ use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 pub const TICK_CYCLES: u32 = 1500;
 /// A control tick of an excitation that is recorded, without its lines: it interpolates between their sums. 2024 were counted.
 pub const EXCITATION_TICK_CYCLES: u32 = 2050;
-/// A line of the excitation that is summed in the tick.
-pub const LINE_CYCLES: u32 = 30;
+/// A line of the excitation that is summed in the tick; 30.2 were counted.
+pub const LINE_CYCLES: u32 = 31;
 /// An interrupt for one byte of the link, either way.
 pub const BYTE_CYCLES: u32 = 100;
 /// Of that, until the received byte is taken from the UART, which can then hold the next one.
