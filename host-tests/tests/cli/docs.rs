@@ -52,8 +52,9 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 19] = [
+const PAGES: [Page; 20] = [
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
+    page("CONTRIBUTING.md", 6),
     Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
@@ -276,15 +277,28 @@ fn a_curve_that_moves_by_more_than_two_pixels_is_another_picture() {
     assert!(!are_alike(&curve(376.0), &[curve(376.0), curve(376.0)].concat()));
 }
 
-/// Every page under `docs`, and the README, from the root of the sources.
+/// Every page under `docs`, the README and the rules of the house, from the root of the sources.
 fn all_pages() -> BTreeSet<String> {
     let markdown = |folder: &str| -> Vec<String> {
         let entries = std::fs::read_dir(root().join(folder)).unwrap();
         let names = entries.map(|entry| format!("{folder}/{}", entry.unwrap().file_name().to_str().unwrap()));
         names.filter(|name| name.ends_with(".md")).collect()
     };
-    let pages = [markdown("docs"), markdown("docs/commands"), vec!["README.md".to_owned()]];
-    pages.concat().into_iter().collect()
+    let front = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "CODE_OF_CONDUCT.md"].map(str::to_owned).to_vec();
+    [markdown("docs"), markdown("docs/commands"), front, templates()].concat().into_iter().collect()
+}
+
+/// What an issue or a change is written into.
+fn templates() -> Vec<String> {
+    let folders = [".github", ".github/ISSUE_TEMPLATE"];
+    let in_folder = |folder: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
+        entries
+            .map(|name| format!("{folder}/{}", name.to_str().unwrap()))
+            .filter(|name| root().join(name).is_file())
+            .collect()
+    };
+    folders.into_iter().flat_map(in_folder).collect()
 }
 
 fn read(page: &str) -> String {
@@ -302,6 +316,11 @@ fn holds(file: &str) {
 #[test]
 fn the_page_on_your_own_motor_shows_what_its_commands_do() {
     holds("docs/own-motor.md");
+}
+
+#[test]
+fn the_rules_of_the_house_name_commands_that_there_are() {
+    holds("CONTRIBUTING.md");
 }
 
 #[test]

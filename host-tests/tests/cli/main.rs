@@ -30,6 +30,7 @@ mod outputs;
 #[cfg(unix)]
 mod promise;
 mod provenance;
+mod redact;
 mod replacement;
 mod report_of_steps;
 mod reports;

@@ -30,6 +30,7 @@ mod outcome;
 mod overwrite_guard;
 mod parameters;
 mod progress;
+mod redact;
 mod redesign;
 mod replacement;
 mod report;
@@ -138,6 +139,7 @@ commands! {
     Diagnose(diagnose::Diagnose), answers, "rotorlead diagnose stand --report diagnosis.html";
     Fleet(fleet::Fleet), answers, "rotorlead fleet logs";
     Report(report::ReportCommand), answers, "rotorlead report log.csv --excitation staircase";
+    Redact(redact::Redact), answers, "rotorlead redact log.csv --out copy.csv";
     Device(device::Device), says, "rotorlead device --port /dev/ttyUSB0 info";
     Serve(serve::Serve), prints, "rotorlead serve";
     Completions(completions::Completions), prints, "rotorlead completions bash";

@@ -138,7 +138,7 @@ impl LogArguments {
 }
 
 /// Refuses options that do not go together, whatever the logs are.
-fn check(options: &ImportOptions) -> Result<(), UsageError> {
+pub fn check(options: &ImportOptions) -> Result<(), UsageError> {
     options.check().map_err(|OptionsFault { message, help, missing }| {
         let help = if missing.is_empty() { help } else { next_command(&help, &missing) };
         UsageError::new(message, help)

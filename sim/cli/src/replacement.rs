@@ -15,6 +15,7 @@ const COMMANDS: &str = "a table of commands";
 const COMPENSATOR: &str = "a compensator";
 const EXPORT: &str = "exported numbers";
 const FIGURE: &str = "a figure";
+const LOG: &str = "a redacted log";
 const JSON: &str = "JSON of this program";
 const MODEL: &str = "a model";
 const PLAN: &str = "a plan";
@@ -64,6 +65,8 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         ("identify", "out") => &[MODEL, STAND],
         ("excite", "out") => &[COMMANDS],
         ("export", "out") => &[EXPORT],
+        // A copy is a log like any other: none is lost.
+        ("redact", "out") => &[LOG],
         _ => return Ok(()),
     };
     if !loses(path) {

@@ -16,7 +16,7 @@ use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::missing::MissingOption;
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
-use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight, redact};
 use crate::experiment::{Excitation, Output, Setpoints};
 
 /// Bit of `features` that says that motors turn both ways.
@@ -212,7 +212,7 @@ fn bad_header(file: &Path, header: &str, problem: String, remedy: &str) -> Impor
 }
 
 /// Others write the same container with other units.
-fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError> {
+pub(super) fn check_firmware(file: &Path, log: &BlackboxLog<'_>) -> Result<(), ImportError> {
     let header = "Firmware revision";
     let firmware = log.header(header).unwrap_or("none");
     if firmware.starts_with("Betaflight ") {
@@ -330,5 +330,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: true,
     has_stated_columns: false,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Bytes(read),
+    reader: Reader::Bytes { read, redact: redact::blackbox::copy },
 };

@@ -191,6 +191,11 @@ impl<'a> BlackboxLog<'a> {
         self.headers.get(name).copied()
     }
 
+    /// The frames.
+    pub(super) fn frames(&self) -> &'a [u8] {
+        self.frames
+    }
+
     /// The place of a field.
     pub(super) fn field(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| *n == name)
@@ -198,6 +203,15 @@ impl<'a> BlackboxLog<'a> {
 
     /// The main frames, in their order of time.
     pub(super) fn rows<const N: usize>(&self, wanted: [Option<usize>; N]) -> Rows<N> {
+        self.rows_and_show(wanted, |_, _| {})
+    }
+
+    /// The same, which shows each whole frame to `see`, and whether main frames may be differences to it: not one that hangs on damage.
+    pub(super) fn rows_and_show<const N: usize>(
+        &self,
+        wanted: [Option<usize>; N],
+        mut see: impl FnMut(&'a [u8], bool),
+    ) -> Rows<N> {
         let mut rows = Rows { rows: Vec::new(), damaged: 0, first_damage: 0, lost: 0, pauses: 0, closed: false };
         let mut history = History::default();
         let mut at = 0;
@@ -224,10 +238,13 @@ impl<'a> BlackboxLog<'a> {
                 at += 1 + next;
                 continue;
             };
+            let whole = &self.frames[at..reader.at];
             at = reader.at;
             match frame {
                 Frame::Main { intra } => {
-                    let Some(time_us) = history.accept(intra, self.time) else {
+                    let accepted = history.accept(intra, self.time);
+                    see(whole, intra || accepted.is_some());
+                    let Some(time_us) = accepted else {
                         rows.lost += 1;
                         continue;
                     };
@@ -238,10 +255,11 @@ impl<'a> BlackboxLog<'a> {
                     rows.rows.push((time_us, wanted.map(|field| field.map_or(0, |field| history.previous[field]))));
                 }
                 Frame::Resume { time } => {
+                    see(whole, true);
                     rows.pauses += 1;
                     history.resume(time);
                 }
-                Frame::Other | Frame::End => {}
+                Frame::Other | Frame::End => see(whole, true),
             }
         }
         rows

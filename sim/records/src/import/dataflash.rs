@@ -18,12 +18,16 @@ use super::dataflash_messages::{DataFlashLog, Messages, is_dataflash};
 use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{HeldCommand, hold};
 use super::summary::{ColumnUse, DroppedRows};
-use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight, redact};
 use crate::experiment::{Excitation, Output, Setpoints};
 
 const CHIRP: &str = "ECRP";
 const OUTPUTS: &str = "RCOU";
 const REPORTS: &str = "ESC";
+/// The messages that are read, beside those of parameters.
+pub(super) const MESSAGES: [&str; 3] = [CHIRP, OUTPUTS, REPORTS];
+/// How the parameters begin that state the pulse widths of all motors.
+const PULSE_RANGES: [&str; 2] = ["MOT_PWM", "Q_M_PWM"];
 /// Outputs in `RCOU`.
 const CHANNELS: usize = 14;
 /// Rows of a chirp come every 5 ms; after as long, seconds, another has begun.
@@ -33,7 +37,7 @@ const CHIRP_RESTART: f64 = 0.9;
 const STAMP: &str = "microseconds, from the first row taken";
 
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let log = DataFlashLog::read(bytes, &[CHIRP, OUTPUTS, REPORTS]);
+    let log = DataFlashLog::read(bytes, &MESSAGES);
     if log.bytes_lost > bytes.len() / 2 {
         let problem = "from here on, more bytes belong to no message than to one";
         return Err(ImportError::Damaged { file: file.into(), offset: log.first_damage, problem });
@@ -240,6 +244,16 @@ fn outputs(file: &Path, log: &DataFlashLog<'_>, options: &ImportOptions) -> Resu
     })
 }
 
+/// Whether a parameter is one of those that are read.
+pub(super) fn is_read(parameter: &str) -> bool {
+    let is_of_output = |rest: &str| {
+        let digits = rest.trim_start_matches(|c: char| c.is_ascii_digit());
+        digits.len() < rest.len() && ["_FUNCTION", "_MIN", "_MAX"].contains(&digits)
+    };
+    let is_range = |prefix: &str| parameter.strip_prefix(prefix).is_some_and(|end| ["_MIN", "_MAX"].contains(&end));
+    parameter.strip_prefix("SERVO").is_some_and(is_of_output) || PULSE_RANGES.into_iter().any(is_range)
+}
+
 /// Which outputs drive motors, as the parameters say.
 struct Motors {
     /// Motors and their outputs, both from 1.
@@ -275,7 +289,7 @@ impl Motors {
         if self.are_throttle {
             return vec![pair(format!("SERVO{output}"))];
         }
-        ["MOT_PWM", "Q_M_PWM"].map(|prefix| pair(prefix.into())).into()
+        PULSE_RANGES.map(|prefix| pair(prefix.into())).into()
     }
 }
 
@@ -432,5 +446,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: true,
     has_stated_columns: false,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Bytes(read),
+    reader: Reader::Bytes { read, redact: redact::dataflash::copy },
 };

@@ -4,6 +4,7 @@
 //! Between damaged bytes messages are found again by their beginning; a log that ends within a message gives all whole ones.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 const HEAD: [u8; 2] = [0xa3, 0x95];
 const HEAD_LENGTH: usize = 3;
@@ -11,6 +12,11 @@ const HEAD_LENGTH: usize = 3;
 const FMT: u8 = 128;
 /// Head, type, length, name, kinds and labels.
 const FMT_LENGTH: usize = HEAD_LENGTH + 1 + 1 + 4 + 16 + 64;
+
+/// Whether a message says what others look like.
+pub(super) fn is_format(message: &[u8]) -> bool {
+    message.get(2) == Some(&FMT)
+}
 
 /// Whether `bytes` begin as a DataFlash log.
 pub(super) fn is_dataflash(bytes: &[u8]) -> bool {
@@ -105,6 +111,26 @@ impl<'a> Messages<'a> {
         None
     }
 
+    /// Where the letters and the places on earth are in a message with its head.
+    pub(super) fn words(&self) -> Vec<Range<usize>> {
+        let (mut at, mut words) = (HEAD_LENGTH, Vec::new());
+        for &kind in self.kinds {
+            let Some(width) = width(kind) else { break };
+            if matches!(kind, b'n' | b'N' | b'Z' | b'L') {
+                words.push(at..at + width);
+            }
+            at += width;
+        }
+        words
+    }
+
+    /// The text of the field `label` in a message with its head.
+    pub(super) fn text<'m>(&self, label: &str, message: &'m [u8]) -> Option<&'m str> {
+        let DataFlashNumber { kind, offset } = self.place(label)?;
+        let text = message.get(HEAD_LENGTH + offset..)?.get(..width(kind)?)?;
+        str::from_utf8(trimmed(text)).ok()
+    }
+
     /// What `FMT` says, behind its head.
     fn from_format(format: &'a [u8]) -> Option<(u8, Self)> {
         let ([kind, length], text) = format.split_first_chunk::<2>()?;
@@ -128,6 +154,15 @@ fn trimmed(text: &[u8]) -> &[u8] {
 impl<'a> DataFlashLog<'a> {
     /// Reads the messages that are `wanted`, and the parameters; of others their number is kept.
     pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Self {
+        Self::read_and_show(bytes, wanted, |_, _| {})
+    }
+
+    /// The same, which shows each message to `see` with what is known of its kind; of a message `FMT`, of the kind that it describes.
+    pub(super) fn read_and_show(
+        bytes: &'a [u8],
+        wanted: &[&str],
+        mut see: impl FnMut(&Messages<'a>, &'a [u8]),
+    ) -> Self {
         let mut log = Self {
             messages: Vec::new(),
             parameters: BTreeMap::new(),
@@ -142,6 +177,10 @@ impl<'a> DataFlashLog<'a> {
             let step = log.message(rest, &mut places, wanted);
             if let Some(length) = step {
                 is_whole = true;
+                let kind = if rest[2] == FMT { rest[HEAD_LENGTH] } else { rest[2] };
+                if let Some(place) = places[usize::from(kind)] {
+                    see(&log.messages[place], &rest[..length]);
+                }
                 at += length;
                 continue;
             }

@@ -154,6 +154,17 @@ pub enum ImportError {
         /// What should become 1.
         high_us: f64,
     },
+    /// A log of which no copy without names and places can be made.
+    #[error("{}{problem}", file.display())]
+    #[diagnostic(help("{remedy}"))]
+    NotRedacted {
+        /// The log.
+        file: PathBuf,
+        /// Why not.
+        problem: String,
+        /// What to hand over in its place.
+        remedy: String,
+    },
 }
 
 impl ImportError {
@@ -169,6 +180,13 @@ impl ImportError {
 
     pub(super) fn not_a_log(file: &Path, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::NotALog { file: file.into(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// What to hand over of a log that cannot be copied without names and places.
+    pub(super) fn not_redacted(file: &Path, problem: impl Into<String>) -> Self {
+        let remedy = "hand over its numbers instead: `rotorlead import` makes a folder of them, with the times, the command and the \
+                      response, and nothing else of the log";
+        Self::NotRedacted { file: file.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
     /// What no log is known by; `problem` says what there is.

@@ -11,7 +11,8 @@ use std::path::Path;
 
 use jiff::civil::DateTime;
 
-use super::format::{LogFormat, Reader, UNCOMPRESSED};
+use super::format::{Dialect, LogFormat, Names, Reader, UNCOMPRESSED};
+use super::quantity::Quantity;
 use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
 use super::table::{CellFormat, Table};
@@ -23,6 +24,16 @@ const COMMAND: &str = "Duty";
 const SPEED: &str = "RPM";
 const VOLTAGE: &str = "Batt. Volts";
 const CURRENT: &str = "Amps";
+
+/// The same for who looks at it as a table.
+const NAMES: Names = &[
+    (Quantity::Time, "", &["timestamp"]),
+    (Quantity::Command, "percent", &["duty"]),
+    (Quantity::Speed, "rpm", &["rpm"]),
+    (Quantity::Voltage, "V", &["batt. volts"]),
+    (Quantity::Current, "A", &["amps"]),
+];
+pub(super) const DIALECT: Dialect = Dialect { names: NAMES, ..Dialect::PLAIN };
 
 /// RMS distance from the grid, in intervals, beyond which the stamps say that the rows are not even.
 const MAX_RESIDUAL_INTERVALS: f64 = 5.0;
@@ -170,7 +181,7 @@ fn times(table: &Table<'_>, column: usize) -> Result<EvenGrid, ImportError> {
 }
 
 /// `2019-11-07 18:45:58:868`: whole seconds, and the fraction behind the last colon.
-fn parse(text: &str) -> Option<(DateTime, f64)> {
+pub(super) fn parse(text: &str) -> Option<(DateTime, f64)> {
     let (seconds, fraction) = text.rsplit_once(':')?;
     if fraction.is_empty() || fraction.len() > 9 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
         return None;

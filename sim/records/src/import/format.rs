@@ -7,6 +7,7 @@ use serde::{Serialize, Serializer};
 
 use super::MOST_MOTORS;
 use super::quantity::Quantity;
+use super::redact::Copied;
 use super::{
     ImportError, ImportOptions, Taken, blackbox, blackbox_csv, crazyflie, dataflash, esc32, flight_stand, mat, plain,
     rcbenchmark, ulog, vesc,
@@ -49,11 +50,14 @@ pub struct LogFormat {
 /// Reads a log, `None` where it is of another format. The path is what messages call it.
 type Read<T> = fn(&Path, &T, &ImportOptions) -> Result<Option<Taken>, ImportError>;
 
+/// Copies a log without names and places, `None` where it is of another format.
+type Redact = fn(&Path, &[u8]) -> Result<Option<Copied>, ImportError>;
+
 /// How a format is recognized and read.
 #[derive(Debug)]
 pub(super) enum Reader {
-    /// From bytes.
-    Bytes(Read<[u8]>),
+    /// From bytes. What copies a log without names and places stands beside it.
+    Bytes { read: Read<[u8]>, redact: Redact },
     /// From text.
     Text(Read<str>),
     /// As a table, where the names of its columns are the format's.

@@ -15,6 +15,7 @@ use super::format::{Dialect, LogFormat, Names, Reader, UNCOMPRESSED, spelled};
 use super::mat5::{self, Content, Variable};
 use super::plain::{Beside, PlainTable, take_table};
 use super::quantity::Quantity;
+use super::redact::Copied;
 use super::table::Table;
 use super::{ImportError, ImportOptions, Taken};
 use crate::experiment::Excitation;
@@ -283,6 +284,12 @@ fn read(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Option<Tak
     }
 }
 
+/// A MATLAB file may have a name in any variable, at any depth.
+fn refuse_copy(file: &Path, bytes: &[u8]) -> Result<Option<Copied>, ImportError> {
+    let problem = ": a MATLAB file, of which no copy without names and places is made";
+    mat5::header(bytes).map_or(Ok(None), |_| Err(ImportError::not_redacted(file, problem)))
+}
+
 /// Bytes of memory per byte. Derived: one of compressed data may inflate to 64 one-byte numbers, each of which takes 32 bytes as a
 /// number and as text, and is a cell of a table.
 const COMPRESSED: usize = 64 * (32 + UNCOMPRESSED);
@@ -295,5 +302,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: true,
     memory_per_byte: COMPRESSED,
-    reader: Reader::Bytes(read),
+    reader: Reader::Bytes { read, redact: refuse_copy },
 };

@@ -25,6 +25,7 @@ mod missing;
 mod plain;
 mod quantity;
 mod rcbenchmark;
+mod redact;
 mod stamps;
 mod summary;
 mod table;
@@ -43,6 +44,7 @@ pub use error::{ImportError, Place};
 pub use format::{FORMATS, LogFormat};
 pub use missing::{EXCITATIONS, MissingOption, shell_word};
 pub use quantity::{ColumnChoice, Quantity, Unit};
+pub use redact::{Dropped, Redacted, redact, redact_bytes};
 pub use stamps::{GAP_INTERVALS, spread_bursts};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, Timing};
 pub use typed::{IMPORT_OPTIONS, import_seconds, motor_poles};
@@ -125,6 +127,11 @@ const LONGEST_LOG: u64 = 1_000_000_000;
 /// [`ImportError`]: unreadable file, unknown format, missing or unclear column, text in a number column, command
 /// outside its range or constant, time that runs backwards, too few rows, numbers that cannot be, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+    import_bytes(file, &read_log(file)?, options)
+}
+
+/// The bytes of a log.
+fn read_log(file: &Path) -> Result<Vec<u8>, ImportError> {
     if file.is_dir() {
         return Err(ImportError::not_a_log(
             file,
@@ -140,7 +147,7 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
         let remedy = "cut the part that holds the run out of it with the logger's own tools";
         return Err(ImportError::not_a_log(file, format!(": longer than {} MB", LONGEST_LOG / 1_000_000), remedy));
     }
-    import_bytes(file, &bytes, options)
+    Ok(bytes)
 }
 
 /// [`import`] of each motor of a log that moves, unless [`ImportOptions::motor`] says which: an experiment each.
@@ -258,7 +265,7 @@ fn take_moving_motor(
 /// Takes a log as the first format that recognizes it.
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
     for format in FORMATS {
-        if let Reader::Bytes(read) = format.reader
+        if let Reader::Bytes { read, .. } = format.reader
             && let Some(taken) = read(file, bytes, options)?
         {
             return Ok(taken);
@@ -289,14 +296,19 @@ fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, 
     }
     let mut plain = PlainTable::parse(file, text)?;
     plain.motor_poles = options.motor_poles;
-    let as_table = |format: &'static LogFormat| match format.reader {
-        Reader::Table { is_header, dialect } if is_header(&plain.table.header) => Some((format, dialect)),
-        _ => None,
-    };
-    let (format, dialect) = FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &Dialect::PLAIN));
+    let (format, dialect) = table_format(&plain.table.header);
     plain.dialect = dialect;
     plain.notes.extend(dialect.note.map(String::from));
     plain::take_table(plain, options, format)
+}
+
+/// The format of a table with these columns, and what is known of it.
+fn table_format(header: &[String]) -> (&'static LogFormat, &'static Dialect) {
+    let as_table = |format: &'static LogFormat| match format.reader {
+        Reader::Table { is_header, dialect } if is_header(header) => Some((format, dialect)),
+        _ => None,
+    };
+    FORMATS.into_iter().find_map(as_table).unwrap_or((&plain::FORMAT, &Dialect::PLAIN))
 }
 
 /// What a format's reader hands over: columns of equal length, and how they came about.

@@ -194,6 +194,22 @@ impl<'a> Table<'a> {
         Err(ImportError::vector(&self.file, &self.header[*column], problem))
     }
 
+    /// What stands between two cells.
+    pub(super) fn separator(&self) -> u8 {
+        self.separator
+    }
+
+    /// Whether a cell is a number, or a word for none, whatever its commas are. `unit` is what stands behind each number of its column.
+    pub(super) fn is_numeric(text: &str, unit: &str) -> bool {
+        let is_number = |comma| Cell::parse(text.as_bytes(), comma, unit) != Cell::Text;
+        [Comma::Wrong, Comma::Decimal, Comma::Thousands].into_iter().any(is_number)
+    }
+
+    /// How many cells a row has.
+    pub(super) fn cells(row: &Row<'_>) -> usize {
+        row.cells.len()
+    }
+
     /// The place of the column of that name.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
         self.header.iter().position(|column| column == name)

@@ -14,14 +14,16 @@ use super::format::{LogFormat, Reader, UNCOMPRESSED};
 use super::held::{HeldCommand, hold};
 use super::summary::ColumnUse;
 use super::ulog_messages::{Topic, UlogLog, UlogNumber, is_ulog};
-use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight};
+use super::{ImportError, ImportOptions, ImportSummary, MIN_ROWS, Taken, flight, redact};
 use crate::experiment::{Excitation, Output, Setpoints};
 
 /// Bends thrust to the ESC's signal.
-const THRUST_FACTOR: &str = "THR_MDL_FAC";
+pub(super) const THRUST_FACTOR: &str = "THR_MDL_FAC";
 const MOTORS: &str = "actuator_motors";
 const OUTPUTS: &str = "actuator_outputs";
 const STATUS: &str = "esc_status";
+/// The topics that are read.
+pub(super) const TOPICS: [&str; 3] = [MOTORS, OUTPUTS, STATUS];
 /// `esc_report.actuator_function` of motor 1 is one more.
 const MOTOR_FUNCTION: f64 = 100.0;
 /// Commands in one `actuator_motors`, or `actuator_outputs`.
@@ -30,7 +32,7 @@ const MOST_MOTORS: usize = 16;
 const ESCS: usize = 8;
 
 fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let log = UlogLog::read(bytes, &[MOTORS, OUTPUTS, STATUS]).map_err(|damage| ImportError::Damaged {
+    let log = UlogLog::read(bytes, &TOPICS).map_err(|damage| ImportError::Damaged {
         file: file.into(),
         offset: damage.offset,
         problem: damage.problem,
@@ -258,5 +260,5 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     has_several_logs: false,
     has_stated_columns: false,
     memory_per_byte: UNCOMPRESSED,
-    reader: Reader::Bytes(read),
+    reader: Reader::Bytes { read, redact: redact::ulog::copy },
 };

@@ -4,12 +4,13 @@
 //! A log often ends within a message, because the battery went: what is whole is taken, and said so.
 //! Nested types are followed one level deep, which `esc_status` needs.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 
 use super::mat5::Damage;
 
 const MAGIC: &[u8] = b"ULog\x01\x12\x35";
-const HEADER: usize = 16;
+pub(super) const HEADER: usize = 16;
 /// The one incompatible flag that is known: data were appended after the log was closed.
 const DATA_APPENDED: u8 = 1;
 
@@ -80,7 +81,7 @@ impl UlogNumber<'_> {
 }
 
 /// Name and value of a parameter: the length of its key, which has its type and its name, and the value.
-fn parameter(data: &[u8]) -> Option<(&str, f64)> {
+pub(super) fn parameter(data: &[u8]) -> Option<(&str, f64)> {
     let (length, rest) = data.split_first()?;
     let (key, value) = rest.split_at_checked(usize::from(*length))?;
     let (kind, name) = str::from_utf8(key).ok()?.split_once(' ')?;
@@ -109,21 +110,7 @@ impl<'a> UlogLog<'a> {
             logged: false,
         };
         let mut numbers: HashMap<u16, usize> = HashMap::new();
-        // Where parts begin that were appended later: a message before may be cut short there.
-        let mut starts = appended(bytes)?;
-        starts.push(bytes.len());
-        let mut at = HEADER.min(bytes.len());
-        for end in starts {
-            while let Some(([low, high, kind], rest)) = bytes.get(at..end).and_then(|b| b.split_first_chunk::<3>()) {
-                let Some(data) = rest.get(..usize::from(u16::from_le_bytes([*low, *high]))) else {
-                    break;
-                };
-                log.message(*kind, data, wanted, &mut numbers).map_err(|problem| Damage { offset: at, problem })?;
-                at += 3 + data.len();
-            }
-            log.cut |= at < end && end == bytes.len();
-            at = at.max(end);
-        }
+        log.cut = each_message(bytes, |kind, data| log.message(kind, data, wanted, &mut numbers))?;
         Ok(log)
     }
 
@@ -206,6 +193,28 @@ impl<'a> UlogLog<'a> {
         None
     }
 
+    /// The formats of these topics and of what is in them, by name.
+    pub(super) fn formats_of(&self, topics: &[&'a str]) -> BTreeSet<&'a str> {
+        let inner = topics.iter().filter_map(|topic| self.formats.get(topic)).flatten().map(|field| field.kind);
+        topics.iter().copied().chain(inner).filter(|name| self.formats.contains_key(name)).collect()
+    }
+
+    /// Where the letters of a topic's data are.
+    pub(super) fn letters(&self, topic: &str) -> Vec<Range<usize>> {
+        let (mut at, mut letters) = (0_usize, Vec::new());
+        for field in self.formats.get(topic).into_iter().flatten() {
+            let Some(size) = self.size(field.kind).and_then(|size| size.checked_mul(field.count)) else { break };
+            let is_of_letters = |field: &Field<'_>| field.kind == "char";
+            let has_letters = self.formats.get(field.kind).is_some_and(|inner| inner.iter().any(is_of_letters));
+            // Reports with names in them have none of the numbers' places: all of such a field goes.
+            if is_of_letters(field) || has_letters {
+                letters.push(at..at.saturating_add(size));
+            }
+            at = at.saturating_add(size);
+        }
+        letters
+    }
+
     /// Bytes of a type: a number's, or those of a format of numbers.
     fn size(&self, kind: &str) -> Option<usize> {
         width(kind).or_else(|| {
@@ -213,6 +222,29 @@ impl<'a> UlogLog<'a> {
             parts.map(|p| width(p.kind)?.checked_mul(p.count)).try_fold(0_usize, |sum, size| sum.checked_add(size?))
         })
     }
+}
+
+/// Shows each whole message of a log to `see`, which says what is wrong with it; whether the log ends within one.
+pub(super) fn each_message<'a>(
+    bytes: &'a [u8],
+    mut see: impl FnMut(u8, &'a [u8]) -> Result<(), &'static str>,
+) -> Result<bool, Damage> {
+    // Where parts begin that were appended later: a message before may be cut short there.
+    let mut starts = appended(bytes)?;
+    starts.push(bytes.len());
+    let (mut at, mut is_cut) = (HEADER.min(bytes.len()), false);
+    for end in starts {
+        while let Some(([low, high, kind], rest)) = bytes.get(at..end).and_then(|b| b.split_first_chunk::<3>()) {
+            let Some(data) = rest.get(..usize::from(u16::from_le_bytes([*low, *high]))) else {
+                break;
+            };
+            see(*kind, data).map_err(|problem| Damage { offset: at, problem })?;
+            at += 3 + data.len();
+        }
+        is_cut |= at < end && end == bytes.len();
+        at = at.max(end);
+    }
+    Ok(is_cut)
 }
 
 /// `topic:float[16] output;uint8_t x;`

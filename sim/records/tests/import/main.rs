@@ -9,5 +9,6 @@ mod known;
 mod mat;
 mod odd;
 mod plain;
+mod redacted;
 mod ulog;
 mod unstated;

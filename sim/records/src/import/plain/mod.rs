@@ -16,7 +16,7 @@ use std::mem::take;
 
 use self::columns::{Pick, Picks};
 pub(super) use self::layout::{Beside, PlainTable};
-use self::names::is_electrical;
+use self::names::{Said, is_electrical};
 use self::questions::{listed, option};
 use self::response::{Columns, Decision};
 use self::rows::Rows;
@@ -33,6 +33,13 @@ use crate::experiment::{Excitation, Output, Setpoints};
 const MOSTLY: f64 = 0.5;
 /// No such rotor pulls more, newtons.
 const MOST_N: f64 = 10_000.0;
+
+impl PlainTable<'_> {
+    /// What a column measures by its name.
+    pub(super) fn quantity(&self, column: usize) -> Option<Quantity> {
+        Said::from_column(self, column).map(|said| said.quantity)
+    }
+}
 
 /// Takes the columns that are known or stated, and the rows that have what a record needs.
 pub(super) fn take_table(
