@@ -153,10 +153,13 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
 mod tests {
     use std::path::{Path, PathBuf};
 
-    /// The README and every page under `docs`.
+    /// The README, the rules of the house, what changes are written into, and every page under `docs`.
     fn pages() -> Vec<PathBuf> {
         let root = super::run::root();
-        let mut pages = vec![root.join("README.md")];
+        let mut pages: Vec<PathBuf> =
+            ["README.md", "CONTRIBUTING.md", "SECURITY.md", ".github/PULL_REQUEST_TEMPLATE.md"]
+                .map(|page| root.join(page))
+                .to_vec();
         let mut folders = vec![root.join("docs")];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {
