@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use miette::Diagnostic as _;
-use rotorlead_records::import::{Import, ImportOptions, Redacted, import_bytes, redact_bytes};
+use proptest::prelude::*;
+use rotorlead_records::import::{Import, ImportError, ImportOptions, Redacted, import_bytes, redact_bytes};
 use rotorlead_records::{Excitation, Experiment};
 
 use crate::importing::sample;
@@ -323,4 +324,36 @@ fn what_cannot_be_copied_is_refused_with_what_to_hand_over() {
     assert!(said.contains("no column says what it measures") && said.contains("--column time=t:ms"), "{said}");
     let said = refused(b"PK\x03\x04", &ImportOptions::default());
     assert!(said.contains("a ZIP archive"), "{said}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// A damaged log gives a copy that is imported as it is, or an error with a remedy, and never a panic.
+    #[test]
+    fn damaged_logs_are_copied_or_refused(
+        kind in 0_usize..6,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let name = ["rcbenchmark.csv", "esc32.csv", "esc_status.ulg", "bench.bin", "chirp.bin", "blackbox.bbl"][kind];
+        let mut log = fs::read(sample(name)).unwrap();
+        for (at, byte) in changes {
+            let at = at.index(log.len());
+            log[at] = byte;
+        }
+        if let Some(cut) = cut {
+            log.truncate(cut.index(log.len()));
+        }
+        let options = ImportOptions { excitation: Some(Excitation::Free), ..ImportOptions::default() };
+        let is_imported = import_bytes(file(), &log, &options).is_ok();
+        match redact_bytes(file(), &log, &options) {
+            Ok(copy) => prop_assert_eq!(copy.rows.is_some(), is_imported),
+            Err(error) => {
+                prop_assert!(error.help().is_some(), "{}", error);
+                // What is imported can only be refused for its copy.
+                prop_assert!(!is_imported || matches!(error, ImportError::NotRedacted { .. }), "{}", error);
+            }
+        }
+    }
 }
