@@ -123,6 +123,17 @@ fn tables_of_every_dialect_are_copied() {
             "time;throttle;rpm\ns;%;rpm\n0,00;20,1;1800\n0,01;20,1;1800\n",
         ),
         (
+            "a row for each reading of a series, on a clock since 1970",
+            staircase(),
+            "time_s,command,rpm,pilot\n".to_owned()
+                + &rows(|k, _, u| {
+                    let (command, speed) = (u.to_string(), (9000.0 * u).to_string());
+                    let cells = if k % 2 == 0 { command + "," } else { String::from(",") + &speed };
+                    format!("{:.3},{cells},Jane Doe", 1_573_152_358.25 + 0.005 * k as f64)
+                }),
+            "time_s,command,rpm\n0.250,0.2,\n0.255,,1800\n",
+        ),
+        (
             "the clock",
             ImportOptions { seconds: Some((0.0, 1.5)), ..stated(&["time=when:clock"]) },
             "when,command,rpm,who\n".to_owned()
@@ -187,6 +198,8 @@ fn tables_of_every_dialect_are_copied() {
         let record = &imported(&copy.bytes, &options).experiment.records[0];
         let expected = &original.experiment.records[0];
         assert_eq!((&record.command, &record.rpm), (&expected.command, &expected.rpm), "{what}");
+        assert_eq!(record.command_log.is_some(), expected.command_log.is_some(), "{what}");
+        assert_eq!(record.command_log.is_some(), what.contains("row for each reading"), "{what}");
         for (a, b) in record.time_s.iter().zip(&expected.time_s) {
             assert!((a - b).abs() < 1e-6, "{what}: {a} for {b}");
         }

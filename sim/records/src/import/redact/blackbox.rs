@@ -41,15 +41,19 @@ pub(in crate::import) fn copy(file: &Path, bytes: &[u8]) -> Result<Option<Copied
     let mut copied = Copied::default();
     let in_front = bytes.len() - logs.iter().map(|log| log.len()).sum::<usize>();
     copied.dropped.add("byte in front of the log", "", in_front);
+    let is_alone = logs.len() == 1;
     for bytes_of_log in logs {
         let offset = bytes_of_log.as_ptr() as usize - bytes.as_ptr() as usize;
-        let log = BlackboxLog::read(bytes_of_log).map_err(|damage| ImportError::Damaged {
-            file: file.into(),
-            offset: offset + damage.offset,
-            problem: damage.problem,
-        })?;
-        // Others have positions in their main frames.
-        check_firmware(file, &log)?;
+        let log = match read(file, offset, bytes_of_log) {
+            Ok(log) => log,
+            Err(error) if is_alone => return Err(error),
+            Err(_) => {
+                // Its first line stays, by which the others keep their numbers.
+                copied.bytes.extend(bytes_of_log.split_inclusive(|byte| *byte == b'\n').next().unwrap_or_default());
+                copied.dropped.add("log that cannot be read", "", 1);
+                continue;
+            }
+        };
         let headers = bytes_of_log.len() - log.frames().len();
         for line in bytes_of_log[..headers].split_inclusive(|byte| *byte == b'\n') {
             let name = String::from_utf8_lossy(line.get(2..).unwrap_or_default());
@@ -79,4 +83,15 @@ pub(in crate::import) fn copy(file: &Path, bytes: &[u8]) -> Result<Option<Copied
     copied.kept.sort_unstable();
     copied.kept.dedup();
     Ok(Some(copied))
+}
+
+/// A log that begins at `offset` in the file, of Betaflight: others have positions in their main frames.
+fn read<'a>(file: &Path, offset: usize, bytes: &'a [u8]) -> Result<BlackboxLog<'a>, ImportError> {
+    let log = BlackboxLog::read(bytes).map_err(|damage| ImportError::Damaged {
+        file: file.into(),
+        offset: offset + damage.offset,
+        problem: damage.problem,
+    })?;
+    check_firmware(file, &log)?;
+    Ok(log)
 }

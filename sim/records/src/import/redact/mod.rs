@@ -19,6 +19,7 @@ use serde::Serialize;
 use super::format::Reader;
 use super::{FORMATS, Import, ImportError, ImportOptions, foreign, import_bytes, read_log};
 use crate::Experiment;
+use crate::command_log::SAME_COMMAND;
 
 /// How far the times of a copy may be from those of the log, seconds. Derived: a double of seconds since 1970 is good to 0.24 us, and a
 /// time is the difference of two.
@@ -138,24 +139,32 @@ fn is_same(log: &Result<Import, ImportError>, copy: &Result<Import, ImportError>
     }
 }
 
-/// Whether all numbers are the same, times and rates as far as a clock that begins elsewhere lets them.
+/// Whether all numbers are the same; times and rates, and means of the command over times, as far as a clock that begins elsewhere lets them.
 fn is_same_experiment(log: &Experiment, copy: &Experiment) -> bool {
-    let is_near =
-        |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= TIMES_WITHIN_S);
     let is_near_rate = match (log.sample_rate_hz, copy.sample_rate_hz) {
         (Some(a), Some(b)) => (a - b).abs() <= RATE_WITHIN * a,
         (a, b) => a == b,
     };
-    let are_near = log.records.iter().zip(&copy.records).all(|(a, b)| is_near(&a.time_s, &b.time_s));
-    let mut same_times = Cow::Borrowed(copy);
-    if copy != log {
-        let same_times = same_times.to_mut();
-        same_times.sample_rate_hz = log.sample_rate_hz;
-        for (copy, log) in same_times.records.iter_mut().zip(&log.records) {
-            copy.time_s.clone_from(&log.time_s);
+    let mut copy = Cow::Borrowed(copy);
+    if *copy != *log {
+        let copy = copy.to_mut();
+        copy.sample_rate_hz = log.sample_rate_hz;
+        for (copy, log) in copy.records.iter_mut().zip(&log.records) {
+            take_if_near(&mut copy.time_s, &log.time_s, TIMES_WITHIN_S);
+            take_if_near(&mut copy.command, &log.command, SAME_COMMAND);
+            if let (Some(copy), Some(log)) = (&mut copy.command_log, &log.command_log) {
+                take_if_near(&mut copy.time_s, &log.time_s, TIMES_WITHIN_S);
+            }
         }
     }
-    is_near_rate && are_near && *same_times == *log
+    is_near_rate && *copy == *log
+}
+
+/// Takes the numbers of a log in place of those of its copy, where none is farther from its like than `within`.
+fn take_if_near(copy: &mut Vec<f64>, log: &[f64], within: f64) {
+    if copy.len() == log.len() && copy.iter().zip(log).all(|(a, b)| (a - b).abs() <= within) {
+        copy.copy_from_slice(log);
+    }
 }
 
 /// Zero in place of what is in these ranges of a message.
