@@ -75,10 +75,11 @@ fn a_signal_in_the_middle_leaves_nothing() {
 /// Commands that write, each with how often a signal of each kind ends it. The first three write a folder of records, a model with
 /// a report and figures, and what a long search finds.
 #[cfg(unix)]
-const THAT_WRITE: [(&str, u32); 14] = [
+const THAT_WRITE: [(&str, u32); 15] = [
     ("import long.csv --out imported", 3),
     ("identify sim --out found.toml --report found.html --figures found", 3),
     ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 2),
+    ("redact long.csv --out copy.csv", 3),
     ("validate sim --model model.toml --report judged.html --json judged.json", 4),
     ("report sim --out report.html", 4),
     ("simulate --model model.toml --plan plan.toml --out again --report again.html --figures again-figures", 3),

@@ -161,7 +161,7 @@ fn is_same_experiment(log: &Experiment, copy: &Experiment) -> bool {
 }
 
 /// Takes the numbers of a log in place of those of its copy, where none is farther from its like than `within`.
-fn take_if_near(copy: &mut Vec<f64>, log: &[f64], within: f64) {
+fn take_if_near(copy: &mut [f64], log: &[f64], within: f64) {
     if copy.len() == log.len() && copy.iter().zip(log).all(|(a, b)| (a - b).abs() <= within) {
         copy.copy_from_slice(log);
     }
