@@ -57,9 +57,9 @@ fn lints() -> Part {
     part("lints", [cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])])
 }
 
-/// The tests of the whole workspace: of one package alone its dependencies would have other features, and be compiled anew.
+/// The tests of the whole workspace, all that fail: of one package alone its dependencies would have other features, and be compiled anew.
 fn tests() -> Command {
-    cargo(&["test", "--workspace", "--locked"])
+    cargo(&["test", "--workspace", "--locked", "--no-fail-fast"])
 }
 
 /// This program with other arguments.
