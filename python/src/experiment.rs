@@ -1,18 +1,17 @@
 //! Records: those of a folder, of logs, or columns in memory.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic as _, miette};
+use miette::miette;
 use numpy::{AllowTypeChange, IntoPyArray as _, PyArrayLike1};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyMapping};
 use rotorlead_answer::Fact;
 use rotorlead_diagnose::fill_in_esc_commands;
-use rotorlead_records::files::{FileError, KeyPath, TextFile};
-use rotorlead_records::import::{ColumnChoice, ImportOptions, import, import_bytes};
+use rotorlead_records::files::{FileError, FilesInMemory, KeyPath, TextFile};
+use rotorlead_records::import::{ColumnChoice, ImportOptions, import, import_bytes, motor_poles};
 use rotorlead_records::{Excitation, Experiment, LONG_FILE, LongRecord, Output, Record};
 use rotorlead_results::{Logs, experiment_facts, records_facts};
 use serde_json::json;
@@ -25,8 +24,6 @@ use crate::value::{check_whole, to_dict, to_python, to_table};
 
 /// Columns of a record, as the header of its CSV file names them.
 const COLUMNS: [&str; 7] = ["time_s", "command", "thrust_n", "rpm", "esc_command", "voltage_v", "current_a"];
-/// The two responses, as options call them.
-const RESPONSES: [(&str, Output); 2] = [("thrust", Output::ThrustN), ("rpm", Output::Rpm)];
 
 /// Records in memory.
 #[pyclass(frozen, module = "rotorlead._native", name = "Experiment")]
@@ -98,10 +95,13 @@ impl InMemory {
 
     /// Those of the files of a folder, by their names.
     #[staticmethod]
-    fn from_files(files: Vec<(String, Vec<u8>)>, folder: PathBuf) -> PyResult<Self> {
-        let written = files.iter().try_for_each(|(name, content)| fs::write(folder.join(name), content));
-        written.into_diagnostic().map_err(|report| raised(&report))?;
-        read(Experiment::read(&folder)).map(Self::new)
+    fn from_files(files: FilesInMemory) -> PyResult<Self> {
+        read(Experiment::from_files(&files)).map(Self::new)
+    }
+
+    /// The files of its folder, by their names.
+    fn files(&self) -> PyResult<FilesInMemory> {
+        read(self.experiment.files())
     }
 
     /// Writes the folder, which is made.
@@ -263,7 +263,8 @@ impl Records {
 
 /// One of the two responses by its name.
 pub fn response(name: Option<&str>) -> PyResult<Option<Output>> {
-    name.map(|name| one_of("response", name, &RESPONSES)).transpose()
+    name.map(|name| one_of("response", name, &[Output::ThrustN, Output::Rpm].map(|output| (output.option(), output))))
+        .transpose()
 }
 
 /// What a log does not say of itself, of a dict with the names of the options of `rotorlead import`.
@@ -296,14 +297,7 @@ fn import_options(options: &Bound<PyDict>) -> PyResult<ImportOptions> {
         Ok(number)
     };
     let poles = count("motor_poles")?.map(|poles| {
-        let is_even = poles % 2 == 0;
-        u32::try_from(poles).ok().filter(|_| is_even).ok_or_else(|| {
-            fault(
-                "motor_poles",
-                format!("{poles} is no number of poles"),
-                "give the magnets of the rotor, an even number",
-            )
-        })
+        motor_poles(&poles.to_string()).map_err(|message| fault("motor_poles", message, "give the motor's own"))
     });
     let options = ImportOptions {
         name: get(options, "name")?,

@@ -147,7 +147,7 @@ class Errors(Stand):
         self.assert_refused(["excitation= square needs period_s="], read, log, columns=columns, excitation="square")
         self.assert_refused(["motor= does not go with `table.csv`", "leave motor= out"], read, log, columns=columns, excitation="step", motor=1)
         self.assert_refused(["`columns`: `fortnight` is no unit of time"], read, log, columns={"time": "t:fortnight"})
-        self.assert_refused(["`motor_poles`: 7 is no number of poles"], read, log, motor_poles=7)
+        self.assert_refused(["`motor_poles`: `7` is no number of poles, even from 2 to 100"], read, log, motor_poles=7)
         with self.assertRaisesRegex(KeyError, "thrust='g'.*there are: t, u, f"):
             rotorlead.Records.from_frame(pandas.read_csv(log), time="t:ms", command="u", thrust="g")
 

@@ -553,7 +553,7 @@ fn a_speed_that_no_esc_says_is_not_recorded() {
     let error = one_way.device("record --seconds 0.1 --out @free --motor-poles 14").unwrap_err();
     assert!(error.contains("output.protocol has none") && error.contains("dshot300_bidirectional"), "{error}");
     for (arguments, said) in
-        [("--motor-poles 13", "no even number of magnets"), ("", "required"), ("--zero-count 3", "--newtons-per-count")]
+        [("--motor-poles 13", "no number of poles"), ("", "required"), ("--zero-count 3", "--newtons-per-count")]
     {
         let error = one_way.device(format!("record --seconds 0.1 --out @free {arguments}").trim_end()).unwrap_err();
         assert!(error.contains(said), "{arguments}: {error}");

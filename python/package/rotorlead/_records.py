@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import pathlib
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, Optional, Protocol, SupportsIndex, Union
 
@@ -418,11 +416,8 @@ class Records(Sequence[Record]):
     def __iter__(self) -> Iterator[Record]:
         return iter(self._records)
 
-    def __reduce__(self) -> tuple[object, tuple[list[tuple[str, bytes]]]]:
-        with tempfile.TemporaryDirectory() as folder:
-            self.write(pathlib.Path(folder, "records"))
-            files = [(path.name, path.read_bytes()) for path in sorted(pathlib.Path(folder, "records").iterdir())]
-        return _from_files, (files,)
+    def __reduce__(self) -> tuple[object, tuple[dict[str, bytes]]]:
+        return _from_files, (self._experiment.files(),)
 
     def __repr__(self) -> str:
         return f"<rotorlead.Records {self.name!r}: {len(self)} of {self.response}, {sum(map(len, self))} rows>"
@@ -450,9 +445,8 @@ def given(records: object) -> _native.Experiment | str | os.PathLike[str]:
     raise TypeError(f"Records or the path of a folder are needed, and this is of the type {type(records).__name__}{of_one}")
 
 
-def _from_files(files: list[tuple[str, bytes]]) -> Records:
-    with tempfile.TemporaryDirectory() as folder:
-        return Records._from_native(_native.Experiment.from_files(files, folder))
+def _from_files(files: dict[str, bytes]) -> Records:
+    return Records._from_native(_native.Experiment.from_files(files))
 
 
 def _numbers(name: str, values: Optional[npt.ArrayLike]) -> Optional[Floats]:

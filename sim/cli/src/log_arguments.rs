@@ -57,7 +57,7 @@ pub struct LogArguments {
     #[arg(long, value_name = "LOW..HIGH", value_parser = range(AcceptedRange::PULSE_US), allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
     /// How many poles the motor has, which a speed in electrical revolutions needs: the magnets of its rotor
-    #[arg(long, value_name = "N", value_parser = motor_poles)]
+    #[arg(long, value_name = "N", value_parser = motor_poles::<u32>)]
     motor_poles: Option<u32>,
     /// How many rows a second a table without times has, evenly spaced
     #[arg(long, value_name = "HZ", value_parser = number(AcceptedRange::SAMPLE_RATE_HZ), allow_negative_numbers = true)]

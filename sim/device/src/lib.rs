@@ -31,7 +31,7 @@ pub use line::{DEFAULT_BAUD, Port, READ_LIMIT, WRITE_LIMIT};
 #[cfg(not(target_family = "wasm"))]
 pub use port::{find, open};
 pub use recording::{Recorded, Recording, record, template};
-pub use sensors::{Calibration, Sensors, read_motor_poles};
+pub use sensors::{Calibration, Sensors};
 pub use series::{Header, Keeper, Kept, Series, Signal, bench_frame_hz, excite, free_name};
 pub use session::{Session, stop_frame};
 pub use speed_text::{speed_curve, speeds_text};

@@ -54,15 +54,6 @@ impl Sensors {
     }
 }
 
-/// The magnets of a motor as they are typed: they come in pairs.
-///
-/// # Errors
-/// What would be a number of magnets.
-pub fn read_motor_poles(text: &str) -> Result<u8, String> {
-    let poles = text.parse().ok().filter(|poles: &u8| *poles >= 2 && poles.is_multiple_of(2));
-    poles.ok_or_else(|| "no even number of magnets, 2 to 254: count those on the rotor, 14 in most motors".to_owned())
-}
-
 /// Revolutions per minute, of a rotor whose electrical turns take so long: `60e6 / (turn_us motor_poles / 2)`, 0 where it stands;
 /// `None` where no reply says it.
 pub(super) fn rpm(turn_us: i32, motor_poles: u8) -> Option<f64> {

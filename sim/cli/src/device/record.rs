@@ -7,11 +7,12 @@ use miette::Diagnostic;
 use rotorlead::settings::Settings;
 use rotorlead_device::{
     Calibration, DeviceError, Header, Keeper as _, Recorded, Recording, Sensors, Session, bench_frame_hz,
-    is_compensated, read_motor_poles,
+    is_compensated,
 };
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::files::AcceptedRange;
+use rotorlead_records::import::motor_poles;
 use rotorlead_records::{Excitation, Role};
 use serde_json::json;
 use thiserror::Error;
@@ -33,7 +34,7 @@ pub(super) struct Sensor {
     #[arg(long, value_name = "COUNT", value_parser = number(AcceptedRange::NUMBER), allow_negative_numbers = true, requires = "newtons_per_count")]
     zero_count: Option<f64>,
     /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
-    #[arg(long, value_name = "N", value_parser = read_motor_poles)]
+    #[arg(long, value_name = "N", value_parser = motor_poles::<u8>)]
     motor_poles: Option<u8>,
 }
 

@@ -5,7 +5,7 @@ use crate::files::{AcceptedRange, did_you_mean};
 use crate::{Excitation, Output};
 
 /// Poles that a motor may have. Chosen: twice those of the largest motors of multicopters, 42 and more of which have their name from it.
-const MOST_POLES: u32 = 100;
+const MOST_POLES: u8 = 100;
 
 /// What [`ImportOptions::set`] takes: the options of `rotorlead import` that say what is in a log.
 pub const IMPORT_OPTIONS: [&str; 13] = [
@@ -69,10 +69,14 @@ fn counted(value: &str) -> Result<usize, String> {
 /// A number of magnets, of which each second one is a north pole.
 ///
 /// # Errors
-/// Where it is none, in a sentence.
-pub fn motor_poles(text: &str) -> Result<u32, String> {
-    let poles = text.parse().ok().filter(|poles: &u32| (2..=MOST_POLES).contains(poles) && poles.is_multiple_of(2));
-    poles.ok_or_else(|| format!("`{text}` is no number of poles: even, from 2 to {MOST_POLES}"))
+/// Where it is none, in a sentence with what to do.
+pub fn motor_poles<N: From<u8>>(text: &str) -> Result<N, String> {
+    let poles = text.parse().ok().filter(|poles| (2..=MOST_POLES).contains(poles) && poles.is_multiple_of(2));
+    poles.map(N::from).ok_or_else(|| {
+        format!(
+            "`{text}` is no number of poles, even from 2 to {MOST_POLES}: count the rotor's magnets, 14 in most motors"
+        )
+    })
 }
 
 /// `FROM..TO`, seconds after a first row.

@@ -1,8 +1,9 @@
 //! What a page asks of a controller.
 
 use rotorlead::link::LineSet;
-use rotorlead_device::{Sensors, Signal, read_motor_poles};
+use rotorlead_device::{Sensors, Signal};
 use rotorlead_records::files::AcceptedRange;
+use rotorlead_records::import::motor_poles;
 use rotorlead_tune::TuneOptions;
 use serde::Deserialize;
 
@@ -60,7 +61,7 @@ impl TuneForm {
     pub fn options(&self) -> Result<TuneOptions, Fault> {
         let sensors = Sensors {
             thrust: None,
-            motor_poles: Some(option("--motor-poles", read_motor_poles(self.motor_poles.trim()))?),
+            motor_poles: Some(option("--motor-poles", motor_poles(self.motor_poles.trim()))?),
             most_rpm: Some(option("--most-rpm", AcceptedRange::NUMBER.parse(self.most_rpm.trim()))?),
         };
         let signal = Signal {
