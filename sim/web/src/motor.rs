@@ -15,12 +15,12 @@ use rotorlead_results::{
     Asked, DesignRequest, Kind, Overview, Watch, answer_page, diagnosis_answer, experiment_facts, export_warnings,
     flight_section, recommendation_table,
 };
-use rotorlead_vehicle::{MotorControlKind, Purpose, recommend};
+use rotorlead_vehicle::{MotorControlKind, recommend};
 use serde_json::{Value, json};
 
 use crate::fault::Fault;
 use crate::page::{page, verdict};
-use crate::request::{FileName, Request, target};
+use crate::request::{FileName, KindName, PurposeName, Request, target};
 use logs::{Given, Taken};
 
 /// A motor, from its first log on.
@@ -30,6 +30,8 @@ pub struct Motor {
     taken: Option<Taken>,
     /// All that the logs say, with the compensator that was shown last.
     answered: Option<Overview>,
+    /// What gives the report of it on the command line, without the inverse that is tried.
+    commands: Vec<String>,
 }
 
 impl Motor {
@@ -54,11 +56,14 @@ impl Motor {
                 }))
             }
             Request::Answer { kind, purpose, diagnosis } => {
+                let options = Request::report_options(*kind, *purpose, *diagnosis);
+                let typed = self.taken.as_ref().and_then(|taken| taken.typed.as_ref());
+                self.commands = typed.map(|typed| typed.report(&options)).unwrap_or_default();
                 let kind = kind.map(|kind| kind.kind());
                 let asked = Asked { model: None, kind, purpose: purpose.purpose(), with_diagnosis: *diagnosis };
                 self.answer(asked, watch)
             }
-            Request::Fly { natural_rad_s, purpose } => self.fly(*natural_rad_s, purpose.purpose()),
+            Request::Fly { natural_rad_s, purpose } => self.fly(*natural_rad_s, *purpose),
             Request::Export { target, compensated } => self.export(target, *compensated),
             Request::File { name } => self.file(*name),
         }
@@ -98,7 +103,7 @@ impl Motor {
             let provenance = found.identification.model.provenance.iter_mut().chain(&mut overview.model.provenance);
             provenance.for_each(|from| from.records_crc32.clone_from(&taken.checksum));
         }
-        let report = report(taken, &overview);
+        let report = report(taken, &overview, &self.commands);
         let mut answer = page(&report)?;
         let identified = overview.identified.as_ref().ok().map(|found| found.answer(experiment).json());
         let diagnosed = overview.diagnosed.as_ref().and_then(|part| part.as_ref().ok());
@@ -112,12 +117,12 @@ impl Motor {
     }
 
     /// An inverse of one natural frequency beside the bare motor and the lead.
-    fn fly(&mut self, natural_rad_s: f64, purpose: Purpose) -> Result<Value, Fault> {
+    fn fly(&mut self, natural_rad_s: f64, purpose: PurposeName) -> Result<Value, Fault> {
         let (Some(taken), Some(overview)) = (&self.taken, &mut self.answered) else { return Err(no_logs()) };
         let request =
             DesignRequest { kind: Some(Kind::Inverse), natural_rad_s: Some(natural_rad_s), ..DesignRequest::default() };
         // As the report would have it: refused where it is, and for what a diagnosis has added.
-        overview.design(&taken.experiment, &request, purpose);
+        overview.design(&taken.experiment, &request, purpose.purpose());
         let (model, designed) = (&overview.model, &overview.designed);
         let asked =
             rotorlead_vehicle::Asked { natural_rad_s: Some(natural_rad_s), ..rotorlead_vehicle::Asked::default() };
@@ -125,12 +130,20 @@ impl Motor {
             .map_err(|error| Fault::from(miette::Report::from(error)))?;
         let says = designed.as_ref().map(|answer| verdict(&answer.verdict)).ok().transpose()?;
         let compensator = overview.compensator.as_ref().map(CompensatorDesign::stored);
+        let with_diagnosis = overview.diagnosed.is_some();
+        let options = Request::report_options(Some(KindName::Inverse), purpose, with_diagnosis);
+        self.commands = taken.typed.as_ref().map(|typed| typed.report(&options)).unwrap_or_default();
+        // No command designs for what a diagnosis has added but the report, which has its own natural frequency.
+        let typed = taken.typed.as_ref().filter(|_| compensator.is_some() && !with_diagnosis);
+        let inverse = typed.map(|typed| typed.inverse(natural_rad_s)).into_iter().flatten();
+        let commands: Vec<_> = self.commands.iter().cloned().chain(inverse).collect();
         Ok(json!({
             "section": Fragment::new(&flight_section(&found))?,
             "table": table_html(&recommendation_table(&found))?,
             "refused": designed.as_ref().err(),
             "says": says,
             "compensator": compensator,
+            "commands": commands,
         }))
     }
 
@@ -173,7 +186,7 @@ impl Motor {
             FileName::Header => ("compensator.h", c_header(compensator(overview)?)),
             FileName::Report => {
                 let taken = self.taken.as_ref().ok_or_else(no_logs)?;
-                ("report.html", html(&report(taken, overview))?)
+                ("report.html", html(&report(taken, overview, &self.commands))?)
             }
         };
         Ok(json!({ "file": file, "text": text }))
@@ -194,14 +207,14 @@ fn no_logs() -> Fault {
     Fault::new("no log was taken", "give one, and say what it does not say of itself")
 }
 
-fn report(taken: &Taken, overview: &Overview) -> Report {
+fn report(taken: &Taken, overview: &Overview, commands: &[String]) -> Report {
     let experiment = &taken.experiment;
     Report {
         facts: facts(experiment, taken),
         verdict: overview.verdict(experiment),
         warnings: overview.warnings(),
         sections: overview.sections(experiment),
-        commands: taken.commands.clone(),
+        commands: commands.to_vec(),
         ..answer_page("Experiment", experiment.name.clone(), &Answer::default())
     }
 }

@@ -97,6 +97,21 @@ impl PurposeName {
 }
 
 impl Request {
+    /// An answer as options of `rotorlead report`.
+    pub fn report_options(kind: Option<KindName>, purpose: PurposeName, diagnosis: bool) -> String {
+        let kind = match kind {
+            Some(KindName::Lead) => " --kind lead",
+            Some(KindName::Inverse) => " --kind inverse",
+            None => "",
+        };
+        let purpose = match purpose {
+            PurposeName::Force => "",
+            PurposeName::RateLoop => " --purpose rate-loop",
+        };
+        let diagnosis = if diagnosis { "" } else { " --no-diagnosis" };
+        format!("{kind}{purpose}{diagnosis}")
+    }
+
     /// A question as JSON.
     pub fn parse(text: &str) -> Result<Self, Fault> {
         serde_json::from_str(text).map_err(|error| Fault::new(format!("no question: {error}"), "load the page again"))

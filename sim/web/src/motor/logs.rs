@@ -32,14 +32,37 @@ pub struct Taken {
     pub checksum: Option<String>,
     /// The files that it is from.
     pub names: Vec<String>,
-    /// What asks the same on the command line.
-    pub commands: Vec<String>,
+    /// What is asked of them on the command line; `None` where nothing takes them there as they are here.
+    pub typed: Option<Typed>,
+}
+
+/// Logs as they are given on the command line.
+pub struct Typed {
+    /// What brings several of them into a folder.
+    import: Option<String>,
+    /// What a command is given: a folder, or a log with the options that read it.
+    source: String,
 }
 
 impl Taken {
     /// Whether it was taken of logs, and not of a folder.
     pub fn has_logs(&self) -> bool {
         self.logs.is_some()
+    }
+}
+
+impl Typed {
+    /// The report with these options.
+    pub fn report(&self, options: &str) -> Vec<String> {
+        self.import.iter().cloned().chain([format!("rotorlead report {}{options}", self.source)]).collect()
+    }
+
+    /// The inverse of a natural frequency, behind the report.
+    pub fn inverse(&self, natural_rad_s: f64) -> [String; 2] {
+        [
+            format!("rotorlead identify {} --out model.toml", self.source),
+            format!("rotorlead design model.toml --kind inverse --natural {natural_rad_s} --out compensator.toml"),
+        ]
     }
 }
 
@@ -76,7 +99,7 @@ impl Given {
             findings: Vec::new(),
             checksum: Experiment::checksum_in(self.folder()),
             names: self.names.clone(),
-            commands: vec!["rotorlead report .".to_owned()],
+            typed: Some(Typed { import: None, source: ".".to_owned() }),
         })
     }
 
@@ -108,7 +131,7 @@ impl Given {
             checksum: sum,
             names: self.names.clone(),
             // Which runs are held out no command says.
-            commands: if held_out.is_empty() { self.commands(&typed) } else { Vec::new() },
+            typed: held_out.is_empty().then(|| self.typed(&typed)),
         })
     }
 
@@ -125,14 +148,14 @@ impl Given {
         }
     }
 
-    fn commands(&self, options: &str) -> Vec<String> {
+    fn typed(&self, options: &str) -> Typed {
         let words: Vec<_> = self.names.iter().map(|name| shell_word(name)).collect();
         match &words[..] {
-            [only] => vec![format!("rotorlead report {only}{options}")],
-            all => vec![
-                format!("rotorlead import {}{options} --out stand", all.join(" ")),
-                "rotorlead report stand".to_owned(),
-            ],
+            [only] => Typed { import: None, source: format!("{only}{options}") },
+            all => Typed {
+                import: Some(format!("rotorlead import {}{options} --out stand", all.join(" "))),
+                source: "stand".to_owned(),
+            },
         }
     }
 }

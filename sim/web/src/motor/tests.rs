@@ -23,10 +23,16 @@ fn a_log_is_taken_judged_and_designed_for() {
     assert_eq!((&read["response"], &read["logs"][0]["format"]), (&json!("rpm"), &json!("rc_benchmark")));
     let answer = ask(&mut motor, json!({ "ask": "answer" }));
     assert_eq!(answer["identify"]["judgement"]["state"], "measure again");
-    assert_eq!(answer["commands"], json!(["rotorlead report example.csv"]));
+    assert_eq!(answer["commands"], json!(["rotorlead report example.csv --no-diagnosis"]));
     assert_eq!(answer["sections"][0]["name"], "to_fly");
     let flown = ask(&mut motor, json!({ "ask": "fly", "natural_rad_s": 60.0, "purpose": "force" }));
     assert_eq!((&flown["refused"], &flown["compensator"]["natural_rad_s"]), (&Value::Null, &json!(60.0)));
+    let commands = [
+        "rotorlead report example.csv --kind inverse --no-diagnosis",
+        "rotorlead identify example.csv --out model.toml",
+        "rotorlead design model.toml --kind inverse --natural 60 --out compensator.toml",
+    ];
+    assert_eq!(flown["commands"], json!(commands));
     let kept = ask(&mut motor, json!({ "ask": "file", "name": "compensator.toml" }));
     assert!(kept["text"].as_str().unwrap().contains("natural_rad_s = 60"), "{kept}");
     let refused = ask(&mut motor, json!({ "ask": "fly", "natural_rad_s": 4000.0, "purpose": "force" }));
@@ -42,6 +48,7 @@ fn another_purpose_is_another_design_for_what_was_found() {
     let force = ask(&mut motor, json!({ "ask": "answer", "purpose": "force" }));
     let lead = ask(&mut motor, json!({ "ask": "answer", "purpose": "force", "kind": "lead" }));
     assert_eq!(force["identify"], lead["identify"]);
+    assert_eq!(lead["commands"], json!(["rotorlead report example.csv --kind lead --no-diagnosis"]));
     assert!(force["natural_rad_s"].is_number());
     let kept = ask(&mut motor, json!({ "ask": "file", "name": "compensator.toml" }));
     assert!(kept["text"].as_str().unwrap().contains("zero_rad_s"), "{kept}");
