@@ -30,12 +30,14 @@ dropPlace(logs, {
 // Whatever was not foreseen is said, and not kept from who waits.
 addEventListener("unhandledrejection", ({ reason }) => complain(element("p", { className: "headline", textContent: String(reason?.message ?? reason) })));
 
-deviceSection(document.getElementById("device"), { compensator: async () => (await motors).shown?.compensator() ?? null });
+deviceSection(document.getElementById("device"), { compensator: async () => (await motors).shown?.compensator() });
 
 say("Starting …");
 const { formats } = await choices;
 logs.append(formatList(formats));
 say("");
+// A browser that keeps no files, or may not, needs the network as before.
+navigator.serviceWorker?.register("offline.js", { updateViaCache: "none" }).catch(() => {});
 document.documentElement.dataset.ready = "true";
 performance.mark("ready");
 engine.end();

@@ -6,6 +6,7 @@ mod test;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use flate2::Crc;
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::run::{Result, beside, cargo, root, run, target_folder};
@@ -22,6 +23,8 @@ const MODULE: &str = "rotorlead_web";
 
 /// The page's own files.
 const PAGE: &str = "sim/web/page";
+/// The list of all of them.
+const FILES: &str = "files.js";
 /// What it shares with the one-file report, by the names that the page has for them.
 const SHARED: [(&str, &str); 4] = [
     ("sim/report/templates/report.css", "report.css"),
@@ -63,7 +66,22 @@ fn page() -> Result<PathBuf> {
     for (from, to) in SHARED {
         copy(&root().join(from), &folder.join(to))?;
     }
+    fs::write(folder.join(FILES), kept_files(&folder).map_err(failed)?).map_err(failed)?;
     Ok(folder)
+}
+
+/// What `offline.js` keeps: the files of the page's folder, and a sum of them.
+fn kept_files(folder: &Path) -> std::io::Result<String> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        names.push(entry?.file_name().to_string_lossy().into_owned());
+    }
+    names.sort();
+    let mut sum = Crc::new();
+    for name in &names {
+        sum.update(&fs::read(folder.join(name))?);
+    }
+    Ok(format!("const VERSION = \"{:08x}\";\nconst FILES = {names:?};\n", sum.sum()))
 }
 
 /// Builds a program that serves the page, beside the one without it.
