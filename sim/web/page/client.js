@@ -19,6 +19,11 @@ const compiled = (async () => {
 // Who starts a worker hears of it.
 compiled.catch(() => {});
 
+/** Whether an error of the reader asks for what a log does not say of itself. */
+export function isQuestion({ missing, columns }) {
+  return Boolean(missing?.length || columns?.length);
+}
+
 /** A worker with the engine in it. */
 export class Engine {
   #worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
@@ -88,7 +93,7 @@ export class MotorEngine {
   #past = [];
   #restored = Promise.resolve();
 
-  /** Called where a worker ended that was not meant to. */
+  /** `broke` is called where a worker ended that was not meant to: with why, and when another one is where that was, or `null` of a diagnosis. */
   constructor(broke) {
     this.broke = broke;
     this.#heed();
@@ -97,22 +102,26 @@ export class MotorEngine {
   #heed() {
     const engine = this.#engine;
     engine.onEnd = (reason) => {
-      // One that has never answered would end again: the next reading starts another.
-      if (reason === null || engine.hasAnswered) this.#restart();
+      // One that has never answered, or not come to where the last one was, would end again: the next reading starts another.
+      if (reason === null || (engine.hasAnswered && !this.#isRestoring)) this.#restart();
       else this.#fail(new Ended(reason));
       if (reason !== null) this.broke(reason, this.#restored);
     };
   }
 
+  #isRestoring = false;
+
   #restart() {
     this.#engine = new Engine();
     this.#heed();
     const [engine, past] = [this.#engine, this.#past];
+    this.#isRestoring = true;
     this.#restored = (async () => {
       for (const { question } of past) {
         const { error } = await engine.ask(question);
         if (error) throw new Ended(error.message);
       }
+      if (this.#engine === engine) this.#isRestoring = false;
     })();
     // Who asks next hears of it.
     this.#restored.catch(() => {});
@@ -128,15 +137,20 @@ export class MotorEngine {
     return this.#ask("read", 0, { files, ask: { ask: "read", options, held_out: heldOut } }, watch);
   }
 
-  /** What is wrong with these files by themselves, or `null`. */
+  /** Each file with what is wrong with it by itself, or `null`. */
   async check(files, options) {
-    const apart = new Engine();
+    const apart = this.#apart = new Engine();
+    const checked = [];
     try {
-      const { error } = await apart.ask({ files, ask: { ask: "read", options } });
-      return error && !error.missing?.length && !error.columns?.length ? error : null;
+      for (const file of files) {
+        const { error } = await apart.ask({ files: [file], ask: { ask: "read", options } });
+        checked.push({ file, error: error && !isQuestion(error) ? error : null });
+      }
     } finally {
+      this.#apart = null;
       apart.end();
     }
+    return checked;
   }
 
   /** What the records say. */
@@ -168,7 +182,7 @@ export class MotorEngine {
   async answerApart(request, watch) {
     const apart = new Engine();
     this.#apart = apart;
-    apart.onEnd = (reason) => reason !== null && this.broke(reason, this.#restored);
+    apart.onEnd = (reason) => reason !== null && this.broke(reason, null);
     try {
       const [read] = this.#past;
       const again = await apart.ask(read.question, watch);
@@ -182,6 +196,7 @@ export class MotorEngine {
         this.#heed();
         this.#past = [read, { depth: 1, question }];
         this.#restored = Promise.resolve();
+        this.#isRestoring = false;
       }
       return answer;
     } finally {

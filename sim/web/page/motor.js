@@ -1,6 +1,6 @@
 // One motor: its logs, what the engine says of them, and what may be asked further.
 
-import { Ended, MotorEngine } from "./client.js";
+import { Ended, MotorEngine, isQuestion } from "./client.js";
 import { isExperiment } from "./drop.js";
 import { button, element, errorText } from "./element.js";
 import { exportsOf } from "./exports.js";
@@ -29,10 +29,12 @@ export class Motor {
   #purpose = "force";
   #natural = null;
   #isDiagnosed = false;
+  #isDiagnosing = false;
   #engine = new MotorEngine((reason, restored) => this.#broke(reason, restored));
   #job = null;
-  // The files that are being read, until they are.
+  // The files that are being read, until they are, and those that wait for what they do not say.
   #next = null;
+  #open = null;
   #logs = element("ul", { className: "chips", ariaLabel: "Logs of this motor" });
   #busy = element("div", { className: "busy", hidden: true });
   #asked = element("div");
@@ -49,23 +51,38 @@ export class Motor {
   /** Takes further files: all, or where some are no logs the others. */
   async add(given) {
     forgive();
-    const added = isExperiment(given) ? given : this.#apart(given);
-    const error = await this.#read([...(this.#next ?? this.files), ...added], this.#options);
-    if (!error) return;
-    const wrong = added.length > 1 && !isExperiment(added) ? await this.#wrong(added) : [];
-    if (!wrong.length) {
-      this.#refuse(added, error);
-      return;
+    await this.#take([...this.#latest, ...(isExperiment(given) ? given : this.#apart(given))], this.#options);
+  }
+
+  /** Takes these files in the place of what there is, but for those that are no logs. Gives whether it has taken some. */
+  async #take(files, options, heldOut = this.#heldOut) {
+    const error = await this.#read(files, options, heldOut);
+    const added = files.filter((file) => !this.files.includes(file));
+    let isTaken = error === null && this.files === files;
+    if (error) {
+      const wrong = added.length > 1 && !isExperiment(added) ? await this.#wrong(added, options) : [];
+      const rest = files.filter((file) => !wrong.some((one) => one.file === file));
+      // By themselves all may be right, and what was said of them wrong.
+      if (!wrong.length || wrong.length === added.length) {
+        complainOf(added, error);
+      } else {
+        wrong.forEach(({ file, error: reason }) => complainOf([file], reason));
+        const left = await this.#read(rest, options, heldOut);
+        if (left) complainOf(added.filter((file) => rest.includes(file)), left);
+        isTaken = left === null && this.files === rest;
+      }
     }
-    for (const { file, error: reason } of wrong) this.#refuse([file], reason);
-    const rest = added.filter((file) => !wrong.some((one) => one.file === file));
-    const next = rest.length ? await this.#read([...this.files, ...rest], this.#options) : null;
-    if (next) this.#refuse(rest, next);
+    if (!this.files.length && !this.#open && !this.#next) this.#changed();
+    return isTaken;
+  }
+
+  get #latest() {
+    return this.#next ?? this.#open ?? this.files;
   }
 
   /** The same files, each with a name that no other has: runs of several folders are often called alike. */
   #apart(given) {
-    const names = new Set(this.files.map(({ name }) => name));
+    const names = new Set(this.#latest.map(({ name }) => name));
     return given.map((one) => {
       const [, stem, end] = one.name.match(/^(.*?)(\.[^.]*)?$/s);
       let { name } = one;
@@ -75,37 +92,32 @@ export class Motor {
     });
   }
 
-  async #wrong(added) {
-    const all = await this.#during("looking at each log", () => Promise.all(added.map(async (file) => ({ file, error: await this.#engine.check([file], this.#options) }))));
+  async #wrong(added, options) {
+    const all = await this.#during("looking at each log", () => this.#engine.check(added, options));
     return (all ?? []).filter(({ error }) => error);
   }
 
-  #refuse(files, error) {
-    complain(element("p", { className: "headline", textContent: `Not taken: ${files.map(({ name }) => name).join(", ")}` }), ...errorText(error));
-    if (!this.files.length) this.#changed();
-  }
-
   /** Reads these files, and answers; an error that no answer of the reader would mend is given back. */
-  async #read(files, options) {
+  async #read(files, options, heldOut) {
     this.#next = files;
-    const read = await this.#during("reading", (watch) => this.#engine.read(files, options, this.#heldOut.filter((name) => files.some((file) => file.name === name)), watch));
+    const known = heldOut.filter((name) => files.some((file) => file.name === name));
+    const read = await this.#during("reading", (watch) => this.#engine.read(files, options, known, watch));
     // Others are read meanwhile.
     if (this.#next !== files) return null;
     this.#next = null;
-    if (!read) {
-      if (!this.files.length) this.#changed();
-      return null;
-    }
+    if (!read) return null;
     if (read.error) {
       // A table that is read otherwise may be a log.
-      if (!read.error.missing?.length && !read.error.columns?.length) return read.error;
+      if (!isQuestion(read.error)) return read.error;
       this.#ask(files, options, read.error);
       return null;
     }
     Object.assign(this, { files, name: read.name });
+    this.#open = null;
     this.#taken = read;
     this.#answered = null;
     this.#options = options;
+    this.#heldOut = known;
     this.#isDiagnosed = false;
     this.#showLogs();
     this.#changed();
@@ -113,35 +125,53 @@ export class Motor {
     return null;
   }
 
+  get #request() {
+    return { kind: this.#kind, purpose: this.#purpose, diagnosis: this.#isDiagnosed };
+  }
+
   async #answer() {
-    const request = { kind: this.#kind, purpose: this.#purpose, diagnosis: this.#isDiagnosed };
-    const answer = await this.#during("identifying", (watch) => this.#engine.answer(request, watch));
+    const request = this.#request;
+    // What was found is designed for at once, while a diagnosis goes on.
+    const answer = this.#isDiagnosing
+      ? await this.#orNull(this.#engine.answer(request))
+      : await this.#during("identifying", (watch) => this.#engine.answer(request, watch));
     if (answer) this.#show(answer);
     else if (!this.#answered) this.#results.replaceChildren(element("p", {}, "It was stopped. ", button("Identify", () => this.#answer())));
   }
 
   async #diagnose() {
-    const request = { kind: this.#kind, purpose: this.#purpose, diagnosis: true };
+    const request = { ...this.#request, diagnosis: true };
+    this.#isDiagnosing = true;
+    this.#offerDiagnosis();
     const answer = await this.#during("diagnosing", (watch) => this.#engine.answerApart(request, watch));
-    if (!answer) return;
-    this.#isDiagnosed = !answer.error;
+    this.#isDiagnosing = false;
+    this.#offerDiagnosis();
+    if (answer?.error) complain(...errorText(answer.error));
+    if (!answer || answer.error) return;
+    this.#isDiagnosed = true;
+    const isOther = request.kind !== this.#kind || request.purpose !== this.#purpose || this.root.contains(document.activeElement);
     this.#show(answer);
-    this.root.querySelector("#diagnosis")?.scrollIntoView({ block: "start" });
+    // Something else was chosen meanwhile, and is in sight.
+    if (request.kind !== this.#kind || request.purpose !== this.#purpose) await this.#answer();
+    if (!isOther) this.root.querySelector("#diagnosis")?.scrollIntoView({ block: "start" });
   }
 
-  /** An export or a file. */
-  get = async (request) => {
+  /** An export or a file; once more where the engine ended meanwhile. */
+  get = async (request) => (await this.#orNull(this.#engine.get(request))) ?? this.#orNull(this.#engine.get(request));
+
+  /** What is answered; `null` where the engine ends before. */
+  async #orNull(answer) {
     try {
-      return await this.#engine.get(request);
+      return await answer;
     } catch (error) {
       if (error instanceof Ended) return null;
       throw error;
     }
-  };
+  }
 
-  /** Its compensator, as the text of a file; `null` where there is none. */
-  async compensator() {
-    return (await this.get({ ask: "file", name: "compensator.toml" }))?.text ?? null;
+  /** Its compensator, as the text of a file, or the error that says why there is none. */
+  compensator() {
+    return this.get({ ask: "file", name: "compensator.toml" });
   }
 
   close() {
@@ -195,8 +225,11 @@ export class Motor {
   }
 
   async #broke(reason, restored) {
-    const notice = `The engine of ${this.name} stopped: ${reason}. Another one was started${this.files.length ? ", which reads the files again" : ""}.`;
-    complain(element("p", { className: "headline", textContent: notice }));
+    const then = restored
+      ? `Another one was started${this.files.length ? ", which reads the files again" : ""}.`
+      : "What was found before stands; ask for the diagnosis again, or hold fewer rows of the log.";
+    complain(element("p", { className: "headline", textContent: `The engine of ${this.name} stopped: ${reason}. ${then}` }));
+    if (!restored) return;
     try {
       await restored;
       if (this.files.length) say(`${this.name}: its files were read again.`);
@@ -225,44 +258,43 @@ export class Motor {
     const box = element("input", { type: "checkbox", checked: this.#heldOut.includes(name) });
     box.dataset.heldOut = name;
     box.addEventListener("change", async () => {
-      const before = this.#heldOut;
-      this.#heldOut = box.checked ? [...before, name] : before.filter((one) => one !== name);
       forgive();
-      const wrong = await this.#read(this.files, this.#options);
-      if (!wrong) return;
-      this.#heldOut = before;
-      box.checked = !box.checked;
-      complain(...errorText(wrong));
+      const others = this.#heldOut.filter((one) => one !== name);
+      await this.#take(this.#latest, this.#options, box.checked ? [...others, name] : others);
+      box.checked = this.#heldOut.includes(name);
     });
     return element("label", { className: "check", title: "Nothing is fitted to it: it judges what the others gave" }, box, " held out");
   }
 
   async #remove(file) {
     forgive();
-    const files = (this.#next ?? this.files).filter((one) => one !== file);
+    const files = this.files.filter((one) => one !== file);
     if (!files.length || isExperiment(this.files)) {
       this.#stop();
       this.files = [];
+      this.#open = null;
       this.#changed();
       return;
     }
-    const error = await this.#read(files, this.#options);
-    if (error) complain(...errorText(error));
+    const waiting = this.#latest.filter((one) => !this.files.includes(one));
+    await this.#take(files, this.#options);
+    if (waiting.length) await this.#take([...this.files, ...waiting], this.#options);
   }
 
   /** Asks what the log does not say. */
   #ask(files, options, error) {
+    this.#open = files;
     const form = questions({
       choices: this.#choices,
       columns: error.columns?.length ? error.columns : this.#columns(),
       options,
       missing: error.missing ?? [],
-      answered: async (said) => {
+      answered: (said) => {
         forgive();
-        const wrong = await this.#read(files, said);
-        if (wrong) complain(...errorText(wrong));
+        this.#take(this.#latest, said);
       },
       left: () => {
+        this.#open = null;
         this.#asked.replaceChildren();
         if (!this.files.length) this.#changed();
       },
@@ -321,10 +353,9 @@ export class Motor {
       choices: this.#choices,
       columns: this.#columns(),
       options: this.#options,
-      answered: async (said) => {
+      answered: (said) => {
         forgive();
-        const wrong = await this.#read(this.files, said);
-        if (wrong) complain(...errorText(wrong));
+        this.#take(this.#latest, said);
       },
     });
     return element("div", { className: "about" }, takenOf(this.#taken),
@@ -342,8 +373,12 @@ export class Motor {
         this.#kind = "inverse";
         this.#purpose = request.purpose;
         this.#natural = request.natural_rad_s;
+        const ask = () => this.#orNull(this.#engine.fly(request));
         // Once more where the engine ended meanwhile.
-        return (await this.get({ ask: "fly", ...request })) ?? this.get({ ask: "fly", ...request });
+        const flown = (await ask()) ?? (await ask());
+        const shown = this.#results.querySelector(".commands");
+        if (flown?.commands) shown?.replaceWith(commandList(flown.commands, shown.open));
+        return flown;
       },
       design: ({ kind, purpose }) => {
         this.#kind = kind;
@@ -355,12 +390,24 @@ export class Motor {
 
   #diagnosisOffer() {
     return element("section", { className: "offer", id: "diagnosis" },
-      element("h2", { textContent: "Diagnosis" }), element("p", { textContent: DIAGNOSIS }), button("Diagnose", () => this.#diagnose(), { className: "main diagnose" }));
+      element("h2", { textContent: "Diagnosis" }), element("p", { textContent: DIAGNOSIS }),
+      button("Diagnose", () => this.#diagnose(), { className: "main diagnose", disabled: this.#isDiagnosing }));
+  }
+
+  #offerDiagnosis() {
+    const offer = this.#results.querySelector(".diagnose");
+    if (offer) offer.disabled = this.#isDiagnosing;
   }
 }
 
-function commandList(commands) {
-  if (!commands?.length) return null;
-  return element("details", { className: "commands" }, element("summary", { textContent: "The same on the command line" }),
-    element("pre", {}, element("code", { textContent: commands.join("\n") })));
+function complainOf(files, error) {
+  const names = files.map(({ name }) => name).join(", ");
+  complain(...(names ? [element("p", { className: "headline", textContent: `Not taken: ${names}` })] : []), ...errorText(error));
+}
+
+function commandList(commands, open = false) {
+  const shown = commands.length
+    ? element("pre", {}, element("code", { textContent: commands.join("\n") }))
+    : element("p", { textContent: "No command holds runs out: a folder that `rotorlead import` made says of each record what it is for (`role` in experiment.toml)." });
+  return element("details", { className: "commands", open }, element("summary", { textContent: "The same on the command line" }), shown);
 }

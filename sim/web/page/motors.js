@@ -15,6 +15,7 @@ export class Motors {
   /** A motor, or the comparison. */
   #shown = null;
   #comparison = element("div", { className: "motor" });
+  #comparing = null;
   #tabs = element("div", { className: "tabs", attributes: { role: "tablist", "aria-label": "Motors" } });
   #panel = element("div", { id: "panel", tabIndex: -1 });
 
@@ -59,7 +60,9 @@ export class Motors {
       if (this.#shown === motor) this.#shown = this.#motors.at(-1) ?? null;
     }
     if (this.#shown === this.#comparison && this.#motors.length < 2) this.#shown = this.#motors[0] ?? null;
+    const wasCompared = this.#shown === this.#comparison && this.#panel.firstChild === this.#comparison;
     this.#show(this.#shown);
+    if (wasCompared) this.#compare();
     if (isOver && hadFocus) (this.#tabs.querySelector("#shown-tab") ?? document.querySelector(".drop button")).focus();
   }
 
@@ -93,11 +96,15 @@ export class Motors {
   }
 
   async #compare() {
-    const engine = new Engine();
+    const mine = this.#comparing = {};
     this.#comparison.replaceChildren(element("p", { textContent: "comparing …" }));
     const models = await Promise.all(this.#motors.map(async (motor, place) => ({ motor: this.#nameOf(motor, place), model: (await motor.get({ ask: "file", name: "model.toml" }))?.text })));
+    // One of them has changed meanwhile.
+    if (this.#comparing !== mine) return;
+    const engine = new Engine();
     const answer = await engine.ask({ compare: models.filter(({ model }) => model) }).catch((error) => ({ error: { message: String(error.message) } }));
     engine.end();
+    if (this.#comparing !== mine) return;
     const without = models.filter(({ model }) => !model).map(({ motor }) => motor);
     const left = without.length ? [element("p", { className: "left", textContent: `Not compared, as there is no model yet: ${without.join(", ")}.` })] : [];
     this.#comparison.replaceChildren(...left, ...(answer.error

@@ -26,11 +26,12 @@ function program() {
 }
 
 export class Browser {
-  static async start(modules, address) {
+  /** `netLog` is where the browser writes what it asks of the network. */
+  static async start(modules, address, netLog = null) {
     const require = createRequire(join(modules, "x.js"));
     const { default: puppeteer } = await import(require.resolve("puppeteer-core"));
     const made = new Browser();
-    made.browser = await puppeteer.launch({ executablePath: program(), args: FLAGS, headless: true, protocolTimeout: 60_000 });
+    made.browser = await puppeteer.launch({ executablePath: program(), args: netLog ? [...FLAGS, `--log-net-log=${netLog}`] : FLAGS, headless: true, protocolTimeout: 60_000 });
     made.axe = require.resolve("axe-core/axe.min.js");
     made.address = address;
     return made;

@@ -2,10 +2,12 @@
 
 import assert from "node:assert/strict";
 import { createWriteStream } from "node:fs";
-import { mkdtemp, rm, stat, writeFile } from "node:fs/promises";
+import { mkdtemp, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { once } from "node:events";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+
+import { serve } from "./program.mjs";
 
 /** Size of a large log. */
 const LARGE_MB = 60;
@@ -13,8 +15,10 @@ const LARGE_MB = 60;
  * what the work takes. */
 const DEAF_MS = 3000;
 
-export function mishaps({ browser, data }) {
+export function mishaps({ browser, folder, program, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
+  const small = join(data, "cases/command-stamps-dropped/log.bin");
+  const staircase = join(folder, "example.csv");
   const motor = async (options) => {
     const page = await browser.open(options);
     await page.take(f60);
@@ -41,6 +45,12 @@ export function mishaps({ browser, data }) {
       await page.picture("wrong-file");
 
       await page.click("Dismiss");
+      // The right one of two is taken, as the first of a motor.
+      await page.drop(wrong, f60);
+      await page.click("Runs of one motor");
+      assert.match((await page.shown()).alerts[0], /Not taken: notes.txt/);
+      await page.until(() => document.querySelector(".results .verdict"));
+      await page.clear();
       const before = await page.take(f60);
       await page.drop(wrong);
       await page.page.waitForSelector("dialog");
@@ -53,7 +63,7 @@ export function mishaps({ browser, data }) {
       assert.deepEqual(await page.page.$$eval(".chips .mono", (chips) => chips.map((chip) => chip.textContent)), ["esc32v3_f60-1.csv"]);
       // Some of them are right.
       const second = join(folder, "second.csv");
-      await writeFile(second, await (await import("node:fs/promises")).readFile(f60));
+      await writeFile(second, await readFile(f60));
       await page.drop(wrong, second);
       await page.click("Further runs of esc32v3_f60-1");
       await page.until(() => document.querySelectorAll(".chips li").length === 2 && document.querySelector(".busy").hidden);
@@ -108,8 +118,64 @@ export function mishaps({ browser, data }) {
       await page.close();
       return `stopped after ${stopped.toFixed(0)} ms`;
     }),
-    test("a worker that fails is replaced, and reads the files again", async () => {
+    test("without network all goes on, also after the page was loaded again", async () => {
+      const other = await serve(program);
+      const page = await browser.open({ address: other.address });
+      await page.page.evaluate(() => navigator.serviceWorker.ready);
+      await page.until(() => Boolean(navigator.serviceWorker.controller));
+      other.close();
+      for (const isAgain of [false, true]) {
+        if (isAgain) await page.page.reload({ waitUntil: "load" });
+        await page.page.waitForSelector("html[data-ready]");
+        await page.take(f60);
+        await worksOn(page);
+        await page.settled();
+      }
+      await page.clear();
+      await page.take(small);
+      await page.click("Diagnose");
+      await page.until(() => document.querySelector("#diagnosis figure") && document.querySelector(".busy").hidden);
+      await page.close();
+    }),
+    test("a diagnosis goes on while something else is chosen", async () => {
+      const page = await browser.open();
+      await page.take(small);
+      await page.click("Diagnose");
+      await page.until(() => !document.querySelector(".busy").hidden);
+      await page.click("lead", ".radios label");
+      await page.until(() => !document.querySelector(".busy").hidden && document.querySelector(".commands code").textContent.endsWith("--kind lead --no-diagnosis"));
+      await page.until(() => document.querySelector("#diagnosis figure") && document.querySelector(".busy").hidden);
+      const { kind, commands } = await page.page.evaluate(() => ({
+        kind: document.querySelector(".radios input[value=lead]").checked,
+        commands: document.querySelector(".commands code").textContent,
+      }));
+      assert.ok(kind && commands.endsWith("--kind lead"), `${kind}: ${commands}`);
+      assert.deepEqual(page.complaints, []);
+      await page.close();
+    }),
+    test("a log that waits for an answer is not lost to a further one", inFolder(async (folder) => {
+      // A plain table does not say what drove the command.
+      const unsaid = join(folder, "unsaid.csv");
+      const [, ...rows] = (await readFile(staircase, "utf8")).trim().split("\n").map((row) => row.split(","));
+      const plain = rows.map(([time, us, rpm]) => [time, (us - 1000) / 1000, rpm].join());
+      await writeFile(unsaid, `${["time_s,command,rpm", ...plain].join("\n")}\n`);
+      const page = await browser.open();
+      await page.drop(unsaid);
+      await page.page.waitForSelector(".ask form");
+      await page.drop(staircase);
+      await page.click("A further run of unsaid.csv");
+      await page.until(() => document.querySelector(".busy").hidden && document.querySelector(".ask form"));
+      await page.answer({ excitation: "staircase" });
+      await page.until(() => document.querySelectorAll(".chips li").length === 2 && document.querySelector(".busy").hidden);
+      const names = await page.page.$$eval(".chips .mono", (chips) => chips.map((chip) => chip.textContent));
+      assert.deepEqual(names, ["unsaid.csv", "example.csv"]);
+      assert.deepEqual(page.complaints, []);
+      await page.close();
+    })),
+    test("a worker that fails is replaced, and reads the files again", inFolder(async (folder) => {
       const page = await motor();
+      await page.cdp.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder, browserContextId: page.page.browserContext().id });
+      await worksOn(page);
       const before = await page.shown();
       for (const fail of [thrown, trapped]) {
         await fail(page);
@@ -120,15 +186,24 @@ export function mishaps({ browser, data }) {
         await page.until(() => /read again/.test(document.querySelector("[role=status]").textContent));
         await page.click("Dismiss");
         assert.equal((await page.shown()).verdict, before.verdict);
-        await worksOn(page);
-        // What was asked when it failed is shown too.
+        // What was asked when it failed is shown, and what the slider chose before is what a file has.
         await page.settled();
         const [reading, said] = await page.page.evaluate(() => [".slider output", ".says"].map((name) => document.querySelector(name).textContent));
-        assert.ok(said.includes(`natural frequency ${reading.split(" ")[0]}`), `${reading}: ${said}`);
+        const chosen = Number.parseFloat(reading);
+        assert.ok(said.includes(`natural frequency ${chosen}`), `${reading}: ${said}`);
+        const kept = await natural(page, folder);
+        assert.ok(Math.abs(kept - chosen) < 1e-6 * chosen, `${kept}: ${reading}`);
+        await worksOn(page);
       }
       await page.close();
-    }),
+    })),
   ];
+}
+
+/** The natural frequency in the file of the compensator. */
+async function natural(page, folder) {
+  const text = await page.download("compensator.toml", folder);
+  return Number(text.match(/natural_rad_s = ([\d.]+)|omega_f_rad_s = ([\d.]+)/)?.slice(1).find(Boolean));
 }
 
 /** What a slider shows and a file are got after a mishap. */
