@@ -10,6 +10,8 @@ export function whatIsMissing() {
   return hasPromises ? null : `This browser cannot wait for the box (WebAssembly's JSPI): Chromium, Chrome and Edge can from version 137 on. ${instead}`;
 }
 
+const IN_USE = "close what has it open, another page or `rotorlead device`; on Linux your user needs the group of the port, most often dialout";
+
 /** A conversation with a box. `heard`, `asked` and `over` are called with what it says, with a question, and with why it ended. */
 export class Line {
   #worker = new Worker(new URL("device-worker.js", import.meta.url), { type: "module" });
@@ -30,7 +32,7 @@ export class Line {
     this.#worker.addEventListener("message", ({ data }) => this.#take(data));
     this.#worker.addEventListener("error", (event) => {
       event.preventDefault();
-      this.end(`the program of the box could not be loaded: ${event.message ?? ""}`);
+      this.cut(`the program of the box has ended: ${event.message ?? "it could not be loaded"}`);
     });
   }
   #start;
@@ -40,7 +42,9 @@ export class Line {
     const facts = await this.#ready;
     if (this.#over) throw new Error(this.#over);
     this.#stop = new Uint8Array(facts.stop);
-    await this.#port.open({ baudRate: facts.baud, bufferSize: 1 << 16 });
+    await this.#port.open({ baudRate: facts.baud, bufferSize: 1 << 16 }).catch((error) => {
+      throw Object.assign(new Error(`the port cannot be opened: ${error.message}`), { help: IN_USE });
+    });
     this.#reader = this.#port.readable.getReader();
     this.#writer = this.#port.writable.getWriter();
     this.#listen();

@@ -48,13 +48,14 @@ export function tuning({ ask, answer, stop, say, files }) {
   const result = element("div", { attributes: { role: "status" } });
   const start = button("Tune the motors", run);
   const kept = new Map();
+  // Until the first file of a tuning those of the one before are there.
+  let isNew = true;
 
   async function run() {
-    for (const place of [result, files]) place.replaceChildren();
+    isNew = true;
+    result.replaceChildren();
     announced.textContent = "";
     proposed.hidden = true;
-    files.hidden = true;
-    kept.clear();
     const options = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value]));
     start.disabled = true;
     stopButton.hidden = false;
@@ -91,6 +92,11 @@ export function tuning({ ask, answer, stop, say, files }) {
   }
 
   function list(name, text) {
+    if (isNew) {
+      files.replaceChildren();
+      kept.clear();
+      isNew = false;
+    }
     if (!kept.has(name)) {
       const link = element("a", { textContent: name, href: "#", on: { click: (event) => save(event, name) } });
       files.append(element("li", {}, link));

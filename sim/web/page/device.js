@@ -8,12 +8,13 @@ import { button, element, errorText, newId, sentence } from "./element.js";
 // A few times a second: a number that changes more often is not read.
 const LIVE_MS = 300;
 const HIDDEN = "The page was hidden while motors turned: it has stopped them and let go of the box. Keep it in sight, and connect again.";
+const NO_COMPENSATOR = { message: "no compensator is designed yet", help: "drop a log first and show its motor, or tune the motors below" };
 const NOT_CONNECTED = "Not connected.";
 const STOPPED = "You stopped the motors. Connect again to go on.";
 
 /**
- * Fills the section of the box. `compensator` gives the text of the compensator that was designed, or `null`, or a promise of it; `limitS` is how long an answer
- * of the box is waited for.
+ * Fills the section of the box. `compensator` gives a promise of the compensator that was designed: its `text`, or the `error` that says why there is none,
+ * or nothing before a log is shown; `limitS` is how long an answer of the box is waited for.
  */
 export function deviceSection(host, { compensator, limitS = 1 }) {
   const missing = whatIsMissing();
@@ -88,6 +89,8 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
     let isBusy = false;
     let isAsked = false;
     let isTurning = false;
+    // Whether it did not answer when it was last asked for its state.
+    let isSilent = false;
 
     /** Asks what a button is for: its answer, or `null` where the box refuses, which is shown. */
     async function ask(question, saying) {
@@ -138,8 +141,12 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
         if (answer) done.replaceChildren(...whatWasSet(answer));
       };
       const set = button("Set the compensator", async () => {
-        const text = await compensator();
-        if (text === null) complain({ message: "no compensator is designed yet", help: "drop a log first, or tune the motors below" });
+        set.disabled = true;
+        say("Designing…");
+        const { text, error } = (await compensator()) ?? { error: NO_COMPENSATOR };
+        set.disabled = false;
+        say("");
+        if (error) complain(error);
         else await setTo({ ask: "set", compensator: text, motor: motor.value === "" ? null : Number(motor.value), pairs: pairs() });
       }, { className: "main" });
       const setRest = button("Set the choices alone", async () => {
@@ -190,8 +197,13 @@ export function deviceSection(host, { compensator, limitS = 1 }) {
       isBusy = true;
       try {
         const answer = await line.ask({ ask: "info" });
-        if (answer.error) complain(answer.error);
-        else shown(answer);
+        // Not as what is wrong: that may be of what was asked by a button.
+        if (answer.error) say(["No news of the box", answer.error.message, answer.error.help].filter(Boolean).join(": "));
+        else if (isSilent) say("");
+        isSilent = Boolean(answer.error);
+        // What it did last is not what it does now.
+        if (!isAsked) show.table.hidden = isSilent;
+        if (!isSilent) shown(answer);
       } catch {
         // The line is over, which is said already.
       } finally {

@@ -1,4 +1,4 @@
-// In place of the browser's own serial ports: one that is wired to `portOpen`, `portWrite` and `portClose`, and gets `portBytes`. What it
+// In place of the browser's own serial ports: one that is wired to `portOpen`, `portWrite` and `portClose`, and gets `portBytes` and `portLost`. What it
 // has of a port is what the page uses.
 
 (() => {
@@ -20,6 +20,7 @@
       await window.portClose();
     },
   };
+  window.portLost = () => source?.error(new DOMException("The device has been lost.", "NetworkError"));
   window.portBytes = (text) => source?.enqueue(toBytes(text));
   Object.defineProperty(navigator, "serial", { value: { requestPort: async () => port } });
 })();
