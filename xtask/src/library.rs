@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use crate::board;
+use crate::packages;
 use crate::run::{Result, cargo, output, root, run};
 use crate::setup;
 
@@ -22,13 +23,9 @@ const DEFAULT_PACKAGES: [&str; 5] = ["autocfg", "embedded-hal", "libm", "num-com
 const LOCKS: [&str; 2] = ["critical-section", "portable-atomic"];
 /// The feature for a kind of core, whose package names the first of these.
 const OF_A_CORE: &str = "systick";
-/// What the manifest says of the package, beside its name.
-const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version", "keywords", "categories"];
-
 /// All of it.
 pub fn check() -> Result {
-    let manifest = manifest()?;
-    metadata(&manifest)?;
+    let manifest = packages::manifest(PACKAGE)?;
     links()?;
     let features = features(&manifest);
     let own = board::all()?.iter().filter(|board| board.package == PACKAGE);
@@ -53,27 +50,6 @@ fn package(command: &str, feature: Option<&str>) -> std::process::Command {
     let mut cargo = cargo(&[command, "--package", PACKAGE, "--locked", "--no-default-features"]);
     cargo.args(feature.map(|feature| format!("--features={feature}")));
     cargo
-}
-
-/// The package's manifest, as cargo reads it.
-fn manifest() -> Result<Value> {
-    let mut command = cargo(&["metadata", "--no-deps", "--format-version", "1", "--locked"]);
-    let text = output(&mut command).ok_or("`cargo metadata --locked` fails")?;
-    let metadata: Value = serde_json::from_str(&text).map_err(|error| format!("cargo metadata: {error}"))?;
-    let packages = metadata["packages"].as_array().cloned().unwrap_or_default();
-    let found = packages.into_iter().find(|package| package["name"] == PACKAGE);
-    found.ok_or_else(|| format!("the workspace has no package {PACKAGE}"))
-}
-
-/// An error where the manifest leaves out what a registry shows.
-fn metadata(manifest: &Value) -> Result {
-    let is_missing = |field: &&str| match &manifest[*field] {
-        Value::String(text) => text.is_empty(),
-        Value::Array(items) => items.is_empty(),
-        _ => true,
-    };
-    let missing: Vec<&str> = METADATA.into_iter().filter(is_missing).collect();
-    if missing.is_empty() { Ok(()) } else { Err(format!("Cargo.toml does not say: {}", missing.join(", "))) }
 }
 
 /// An error where a page in the package links to a file that is not. README.md stands on its own page of the registry, where
@@ -172,7 +148,7 @@ fn names(tree: &str) -> BTreeSet<String> {
 mod tests {
     use serde_json::json;
 
-    use super::{features, metadata, names, own_packages, relative_links};
+    use super::{features, names, own_packages, relative_links};
 
     #[test]
     fn names_are_read_from_what_cargo_tree_prints() {
@@ -194,17 +170,5 @@ mod tests {
             json!({"features": {"default": [], "link": ["dep:cobs"], "board": ["link", "dep:hal", "rtic/x"]}});
         assert_eq!(own_packages(&manifest, "board"), ["hal"]);
         assert_eq!(features(&manifest), ["board", "link"]);
-    }
-
-    #[test]
-    fn a_manifest_that_leaves_something_out_is_refused_by_name() {
-        let mut manifest = json!({
-            "description": "d", "license": "MIT", "readme": "README.md", "rust_version": "1.91", "keywords": ["a"],
-            "categories": ["embedded"],
-        });
-        assert_eq!(metadata(&manifest), Ok(()));
-        manifest["keywords"] = json!([]);
-        manifest["readme"] = json!(null);
-        assert_eq!(metadata(&manifest), Err("Cargo.toml does not say: readme, keywords".to_owned()));
     }
 }

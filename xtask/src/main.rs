@@ -12,6 +12,7 @@ mod firmware;
 mod fuzz;
 mod image;
 mod library;
+mod packages;
 mod python;
 mod python_environment;
 mod run;
@@ -46,6 +47,7 @@ Usage: cargo xtask COMMAND
            test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
   library  the library as another firmware takes it: without a board, with features alone, for the smallest core, as a package;
            a part of test
+  packages every package that others may take from a registry: its manifest and its archive, without a build; a part of test
   deny     the licenses, versions and sources of all that is depended on, by deny.toml; a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
@@ -120,6 +122,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["emulate", "--board", name, port] => Box::new(move || firmware::emulate(board::named(name)?, port)),
         ["emulate", port] => Box::new(move || firmware::emulate(board::default()?, port)),
         ["flash"] => Box::new(firmware::flash),
+        ["packages"] => Box::new(packages::check),
         ["deny"] => Box::new(deny),
         ["python"] => Box::new(python::test),
         ["web", options @ ..] => Box::new(move || web::test(options)),
