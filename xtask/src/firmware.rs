@@ -20,6 +20,11 @@ const EVERY_LEVEL: &str = "every_level_of_the_paper";
 
 /// Builds the image, prints its sizes, checks it, and writes the files that flash it.
 pub fn build(board: &'static Board) -> Result<Sizes> {
+    build_files(board).map(|(sizes, _)| sizes)
+}
+
+/// As [`build`], and says which files these are.
+pub fn build_files(board: &'static Board) -> Result<(Sizes, [PathBuf; 2])> {
     let path = build_image(board, &[])?;
     let map = &board.flash;
     flash_files::remove(map, &path)?;
@@ -34,7 +39,8 @@ pub fn build(board: &'static Board) -> Result<Sizes> {
     let files = flash_files::write(map, &bytes, &path, image.stack_start)?;
     println!("bin    {:>7} bytes: {}", files.bin.bytes, files.bin.path.display());
     println!("{:<6} {:>7} bytes: {}", map.form.extension(), files.formed.bytes, files.formed.path.display());
-    Ok(Sizes { flash: image.flash_bytes, ram: image.ram_bytes, stack })
+    let sizes = Sizes { flash: image.flash_bytes, ram: image.ram_bytes, stack };
+    Ok((sizes, [files.bin.path, files.formed.path]))
 }
 
 /// Builds the image for a board and gives its path.

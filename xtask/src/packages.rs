@@ -1,10 +1,13 @@
 //! The packages that others may take from a registry: what a registry shows of each, and that each is complete.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
+use flate2::read::GzDecoder;
 use serde_json::Value;
 
-use crate::run::{Result, cargo, output, run, target_folder};
+use crate::run::{Result, cargo, command, output, run, target_folder};
+use crate::setup;
 
 /// What a manifest says of its package, beside its name.
 const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version", "keywords", "categories"];
@@ -14,6 +17,19 @@ pub fn check() -> Result {
     let published = published()?;
     published.iter().try_for_each(metadata)?;
     archives(&published, &["--no-verify"]).map(drop)
+}
+
+/// Builds the packages with the oldest compiler that their manifests promise.
+pub fn build_with_oldest_compiler() -> Result {
+    let published = published()?;
+    let oldest = published.first().and_then(|manifest| manifest["rust_version"].as_str()).unwrap_or_default();
+    setup::add_compiler(oldest)?;
+    let mut check = command("rustup", &["run", oldest, "cargo", "check", "--locked"]);
+    for manifest in &published {
+        check.args(["--package", name(manifest)]);
+    }
+    // The two compilers must not throw away each other's work.
+    run(check.env("CARGO_TARGET_DIR", target_folder().join("oldest")))
 }
 
 /// Archives of the packages, the library's as the first; with `--no-verify` without a build of what is in them.
@@ -43,7 +59,7 @@ pub fn manifest(package: &str) -> Result<Value> {
 }
 
 /// The manifests of the workspace's packages.
-fn manifests() -> Result<Vec<Value>> {
+pub fn manifests() -> Result<Vec<Value>> {
     let mut command = cargo(&["metadata", "--no-deps", "--format-version", "1", "--locked"]);
     let text = output(&mut command).ok_or("`cargo metadata --locked` fails")?;
     let mut metadata: Value = serde_json::from_str(&text).map_err(|error| format!("cargo metadata: {error}"))?;
@@ -61,6 +77,19 @@ pub fn name(manifest: &Value) -> &str {
 /// The version of the package with this manifest.
 pub fn version(manifest: &Value) -> &str {
     manifest["version"].as_str().unwrap_or_default()
+}
+
+/// The folder of the package with this manifest.
+pub fn folder(manifest: &Value) -> Option<&Path> {
+    Path::new(manifest["manifest_path"].as_str()?).parent()
+}
+
+/// Puts what is in a package's archive into an empty folder, and gives the package's own folder in it.
+pub fn unpack(archive: &[u8], folder: &Path) -> Result<PathBuf> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    tar::Archive::new(GzDecoder::new(archive)).unpack(folder).map_err(failed)?;
+    let entry = fs::read_dir(folder).map_err(failed)?.next();
+    Ok(entry.ok_or_else(|| format!("{}: an empty package", folder.display()))?.map_err(failed)?.path())
 }
 
 /// An error where a manifest leaves out what a registry shows.

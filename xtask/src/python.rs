@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::python_environment::{OLDEST, folder, tool};
+use crate::python_environment::{DIST, OLDEST, TESTS};
 use crate::run::{Result, cargo, output, root, run, target_folder};
 use crate::setup;
 
@@ -15,28 +15,38 @@ pub fn build() -> Result {
     Ok(())
 }
 
+/// Puts the wheel that runs on Linux systems as old as glibc 2.17, and the sources that pip builds one of, into a folder.
+pub fn release(into: &Path) -> Result {
+    let mut wheel = DIST.tool("maturin", &["build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
+    if cfg!(target_os = "linux") {
+        wheel.args(["--zig", "--compatibility", "manylinux2014"]);
+    }
+    run(DIST.on_path(&mut wheel).arg("--out").arg(into))?;
+    run(DIST.tool("maturin", &["sdist", "--manifest-path", "python/Cargo.toml", "--out"]).arg(into))
+}
+
 /// Builds a wheel of the tests' profile, installs it, and holds it to its types and to the command line.
 pub fn test() -> Result {
     setup::python()?;
     let mut build = maturin(&["--profile", "dev"]);
     build.env("CARGO", root().join("python/tests/cargo.sh"));
-    let wheel = wheel(&folder().join("wheels"), build)?;
-    run(tool("pip", &["install", "--quiet", "--no-index", "--no-deps", "--force-reinstall"]).arg(wheel))?;
+    let wheel = wheel(&TESTS.folder().join("wheels"), build)?;
+    run(TESTS.tool("pip", &["install", "--quiet", "--no-index", "--no-deps", "--force-reinstall"]).arg(wheel))?;
     let oldest = format!("{}.{}", OLDEST.0, OLDEST.1);
-    run(&mut tool("mypy", &["--strict", "--python-version", &oldest, "--package", "rotorlead"]))?;
-    run(&mut tool("mypy", &["--strict", "python/example.py"]))?;
-    run(&mut tool("stubtest", &["rotorlead._native"]))?;
+    run(&mut TESTS.tool("mypy", &["--strict", "--python-version", &oldest, "--package", "rotorlead"]))?;
+    run(&mut TESTS.tool("mypy", &["--strict", "python/example.py"]))?;
+    run(&mut TESTS.tool("stubtest", &["rotorlead._native"]))?;
     draws_nothing()?;
-    let mut tests = tool("python", &["-m", "unittest", "discover", "--start-directory", "python/tests"]);
+    let mut tests = TESTS.tool("python", &["-m", "unittest", "discover", "--start-directory", "python/tests"]);
     let program = target_folder().join("debug/rotorlead");
     run(tests.env("ROTORLEAD", &program))?;
     // RotorPy and crazyflow are held to theirs by hand: they bring more than the rest together.
     let code = "import sys; sys.exit(sys.version_info < (3, 11))";
-    if output(&mut tool("python", &["-c", code])).is_none() {
+    if output(&mut TESTS.tool("python", &["-c", code])).is_none() {
         eprintln!("exports are not held to MuJoCo: it has no package for a Python before 3.11");
         return Ok(());
     }
-    let mut loaders = tool("python", &["host-tests/simulators/check.py"]);
+    let mut loaders = TESTS.tool("python", &["host-tests/simulators/check.py"]);
     run(loaders.arg(program).args(["mujoco", "control", "matlab"]))
 }
 
@@ -61,7 +71,7 @@ fn draws_nothing() -> Result {
 
 /// A call of maturin for the package.
 fn maturin(arguments: &[&str]) -> Command {
-    let mut maturin = tool("maturin", &["build", "--locked", "--manifest-path", "python/Cargo.toml"]);
+    let mut maturin = TESTS.tool("maturin", &["build", "--locked", "--manifest-path", "python/Cargo.toml"]);
     maturin.args(arguments);
     maturin
 }

@@ -9,7 +9,9 @@ use std::time::Duration;
 use ::emulator::rp2040;
 
 use crate::board;
+use crate::python_environment::{DIST, TESTS};
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
+use crate::tools::{self, Tool};
 use crate::{apt, emulator, python_environment, web};
 
 /// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
@@ -142,6 +144,7 @@ fn needs() -> Result<Vec<Need>> {
         install: Box::new(web::install_packages),
     });
     needs.extend(python_needs());
+    needs.push(tool(&tools::SEMVER_CHECKS));
     needs.push(Need {
         name: BROWSER_PACKAGE.to_owned(),
         is_there: Box::new(|| BROWSERS.iter().any(|program| runs(program, &["--version"]))),
@@ -183,9 +186,9 @@ fn python_needs() -> [Need; 2] {
             install: Box::new(|| apt::install(&python_environment::DEBIAN_PACKAGES)),
         },
         Need {
-            name: format!("the Python packages of {}", python_environment::REQUIREMENTS),
-            is_there: Box::new(python_environment::has_packages),
-            install: Box::new(python_environment::install_packages),
+            name: format!("the Python packages of {}", TESTS.requirements),
+            is_there: Box::new(|| TESTS.has_packages()),
+            install: Box::new(|| TESTS.install_packages()),
         },
     ]
 }
@@ -205,9 +208,44 @@ fn install_rp2040() -> Result {
     run_within(command(NPM, &arguments).arg(folder).arg(package), DOWNLOAD_LIMIT)
 }
 
+/// What makes a release, beside everything else.
+fn dist_needs() -> Vec<Need> {
+    let environment = Need {
+        name: format!("the Python packages of {}", DIST.requirements),
+        is_there: Box::new(|| DIST.has_packages()),
+        install: Box::new(|| DIST.install_packages()),
+    };
+    [environment].into_iter().chain([&tools::ABOUT, &tools::CYCLONEDX].map(tool)).collect()
+}
+
+/// A tool that cargo compiles.
+fn tool(tool: &'static Tool) -> Need {
+    Need { name: tool.name(), is_there: Box::new(|| tool.is_there()), install: Box::new(|| tool.install()) }
+}
+
+/// An error that names what is missing of that which makes a release.
+pub fn dist() -> Result {
+    let needs = needs()?.into_iter().chain(dist_needs());
+    let missing: Vec<String> = needs.filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    if missing.is_empty() {
+        Ok(())
+    } else {
+        Err(format!("missing: {}; `cargo xtask setup --dist` installs what is missing", missing.join(", ")))
+    }
+}
+
 /// Installs what is missing, and says what.
 pub fn all() -> Result {
-    for need in needs()?.iter().filter(|need| !(need.is_there)()) {
+    install(needs()?)
+}
+
+/// As [`all`], and what makes a release.
+pub fn all_for_dist() -> Result {
+    install(needs()?.into_iter().chain(dist_needs()))
+}
+
+fn install(needs: impl IntoIterator<Item = Need>) -> Result {
+    for need in needs.into_iter().filter(|need| !(need.is_there)()) {
         eprintln!("xtask: installs {}", need.name);
         (need.install)().map_err(|error| format!("{} is missing.\n{error}", need.name))?;
         if !(need.is_there)() {
@@ -259,6 +297,16 @@ pub fn toolchain(target: &'static str) -> Result<Toolchain> {
     } else {
         Err(missing_error(&[format!("the target {target}")]))
     }
+}
+
+/// Adds a compiler of an older version.
+pub fn add_compiler(version: &str) -> Result {
+    rustup(&["toolchain", "install", version, "--profile", "minimal"])
+}
+
+/// Adds rustup's library of a system for which a release has a program.
+pub fn add_system(target: &str) -> Result {
+    rustup(&["target", "add", target])
 }
 
 /// Adds rustup's library for a target, or Debian's compiler where rustup's server cannot be reached.

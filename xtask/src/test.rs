@@ -92,7 +92,16 @@ impl Times {
         let [mut c_sizes, mut c_counts] = [xtask("build"), xtask("bench")];
         c_sizes.arg("--c");
         c_counts.arg("--c");
-        let last = [pages, xtask("deny"), xtask("packages"), xtask("library"), xtask("check-image"), c_sizes, c_counts];
+        let last = [
+            pages,
+            xtask("deny"),
+            xtask("packages"),
+            xtask("semver"),
+            xtask("library"),
+            xtask("check-image"),
+            c_sizes,
+            c_counts,
+        ];
         let checks = lints().commands.into_iter().chain(last).chain(costs);
         self.beside([
             part("host tests", [tests()]),

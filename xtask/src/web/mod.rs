@@ -42,7 +42,7 @@ pub fn build() -> Result {
 }
 
 /// Builds the page, and gives its folder.
-fn page() -> Result<PathBuf> {
+pub fn page() -> Result<PathBuf> {
     let toolchain = setup::toolchain(TARGET)?;
     run(&mut toolchain.cargo(&["build", "--locked", "--package", "rotorlead-web", "--lib", "--profile", PROFILE]))?;
     let built = toolchain.folder().join(PROFILE).join(format!("{MODULE}.wasm"));

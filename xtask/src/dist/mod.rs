@@ -1,0 +1,139 @@
+//! What a release is made of, in `target/dist`. Nothing is published, tagged or uploaded.
+
+mod archive;
+mod licenses;
+mod program;
+mod sbom;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use archive::Files;
+
+use crate::board::{self, Board};
+use crate::run::{Result, target_folder};
+use crate::sum::sha256;
+use crate::{firmware, packages, python, setup, web};
+
+/// The package whose version is the release's.
+const PACKAGE: &str = "rotorlead";
+/// Package of the page.
+const PAGE_PACKAGE: &str = "rotorlead-web";
+/// The sums of all files, as `sha256sum --check` takes them.
+const SUMS: &str = "SHA256SUMS";
+
+/// Everything that is made on this machine: the packages for a registry, the program for this machine, the Python package, the page, the
+/// images of the boards, the list of what is linked, and the sums of all.
+pub fn make() -> Result {
+    setup::dist()?;
+    let (folder, version) = (empty_folder()?, version()?);
+    let host = program::host()?;
+    let published = packages::published()?;
+    timed("packages", || {
+        let archives = packages::archives(&published, &["--no-verify"])?;
+        archives.iter().try_for_each(|archive| copy(archive, &folder.join("crates")))
+    })?;
+    timed("images", || board::all()?.iter().try_for_each(|board| image(board, &version, &folder)))?;
+    let page = timed("page", web::page)?;
+    timed("page's archive", || {
+        let mut files = Files::default();
+        files.add_folder("web", &page)?;
+        files.add("THIRD-PARTY.txt", licenses::texts(PAGE_PACKAGE, web::TARGET)?);
+        let top = format!("rotorlead-{version}-web");
+        write(&folder.join(format!("{top}.tar.gz")), &files.tar_gz(&top)?)
+    })?;
+    timed("program", || program::archive(&host, &version, &page, &folder))?;
+    timed("list of what is linked", || {
+        write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list("rotorlead-cli", &host)?)
+    })?;
+    timed("Python package", || python::release(&folder))?;
+    sums(&folder)
+}
+
+/// The program for another target alone, and its sum.
+pub fn make_program(target: &str) -> Result {
+    setup::dist()?;
+    setup::add_system(target)?;
+    let (folder, version) = (empty_folder()?, version()?);
+    let page = timed("page", web::page)?;
+    timed("program", || program::archive(target, &version, &page, &folder))?;
+    sums(&folder)
+}
+
+/// A board's image in the forms that flash it, and the licenses of what is in it.
+fn image(board: &'static Board, version: &str, folder: &Path) -> Result {
+    let (_, files) = firmware::build_files(board)?;
+    let name = format!("rotorlead-{version}-{}", board.name);
+    for path in files {
+        let end = path.extension().unwrap_or_default().to_string_lossy();
+        write(&folder.join(format!("{name}.{end}")), &read(&path)?)?;
+    }
+    write(&folder.join(format!("{name}-third-party.txt")), &licenses::texts(&board.package, &board.target)?)
+}
+
+/// Writes the sums of all files in a folder and in its folders, and prints them.
+fn sums(folder: &Path) -> Result {
+    let mut lines = String::new();
+    for name in names(folder, "")? {
+        let bytes = read(&folder.join(&name))?;
+        println!("{:>11} {name}", bytes.len());
+        lines += &format!("{}  {name}\n", sha256(&bytes));
+    }
+    write(&folder.join(SUMS), lines.as_bytes())?;
+    println!("{}", folder.display());
+    Ok(())
+}
+
+/// Names of the files in a folder and in its folders, sorted.
+fn names(folder: &Path, prefix: &str) -> Result<Vec<String>> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            names.extend(self::names(&entry.path(), &format!("{name}/"))?);
+        } else {
+            names.push(name);
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// The folder of a release, without what an earlier one left.
+fn empty_folder() -> Result<PathBuf> {
+    let folder = target_folder().join("dist");
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    if folder.exists() {
+        fs::remove_dir_all(&folder).map_err(failed)?;
+    }
+    fs::create_dir_all(&folder).map_err(failed)?;
+    Ok(folder)
+}
+
+fn version() -> Result<String> {
+    Ok(packages::version(&packages::manifest(PACKAGE)?).to_owned())
+}
+
+/// Runs a step, and says how long it took.
+fn timed<T>(name: &str, step: impl FnOnce() -> Result<T>) -> Result<T> {
+    let start = Instant::now();
+    let result = step()?;
+    println!("{:>6.0} s  {name}", start.elapsed().as_secs_f64());
+    Ok(result)
+}
+
+fn copy(file: &Path, folder: &Path) -> Result {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write(&folder.join(file.file_name().unwrap_or_default()), &read(file)?)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result {
+    fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+}
