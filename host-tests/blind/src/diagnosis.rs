@@ -91,7 +91,7 @@ pub struct Gap {
     pub noise_floor: f64,
 }
 
-/// The score from which on a kind may be named, and how much of it has to be by what was fitted, as docs/diagnosis.md says.
+/// The score from which on a kind may be named, and how much of it has to be by what was fitted, as docs/diagnosis-method.md says.
 const ENOUGH: f64 = 7.0;
 const ENOUGH_FITTED: f64 = 3.5;
 

@@ -20,7 +20,7 @@ fn is_update() -> bool {
 
 #[test]
 fn the_catalog_of_the_page_is_that_of_the_code() {
-    let path = docs().join("diagnosis.md");
+    let path = docs().join("effects.md");
     let page = fs::read_to_string(&path).unwrap();
     let section = catalog_markdown(&Catalog::standard());
     for kind in Catalog::standard().kinds() {

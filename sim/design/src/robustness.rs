@@ -39,7 +39,7 @@ impl Deviation {
 }
 
 /// Time constants that are off, a lower voltage, a supply that loses a tenth by its resistance at a speed of 0.5, delays, and a second
-/// lag. Chosen: from what an interval allows to beyond it, and delays up to the longest of a real log (26 ms, `docs/diagnosis.md`).
+/// lag. Chosen: from what an interval allows to beyond it, and delays up to the longest of a real log (26 ms, `docs/diagnosis-method.md`).
 pub const DEVIATIONS: [Deviation; 12] = [
     Deviation::supply("as the model", 1.0),
     Deviation::by("tau -20 %", parameter_error::ID, &[("gain_error", 0.0), ("time_constant_error", -0.2)]),

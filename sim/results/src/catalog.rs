@@ -35,13 +35,13 @@ fn describe(text: &mut String, kind: &Kind) {
         line(row(parameter));
     }
     line(format!("\n{}\n", kind.signature));
-    line(format!("Frequency response: {}.\n", response(kind.linearity)));
-    line(format!("{}\n", shows(kind.shows)));
+    line(format!("- Frequency response: {}.", response(kind.linearity)));
+    line(format!("- {}", shows(kind.shows)));
     for confusion in kind.confusions {
         line(format!("- or `{}`? {}", confusion.with, confusion.experiment));
     }
-    line(format!("\nWhat to do: {}.\n", kind.remedy));
-    line(format!("Sources: {}.", kind.sources.join("; ")));
+    line(format!("- What to do: {}.", kind.remedy));
+    line(format!("- Sources: {}.", kind.sources.join("; ")));
 }
 
 fn row(parameter: &Parameter) -> String {

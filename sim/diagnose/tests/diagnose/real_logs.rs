@@ -46,12 +46,12 @@ fn print(name: &str, found: &Diagnosis) {
     }
 }
 
-/// What holds of every log. `log` is what docs/diagnosis.md calls it, `names` is what is named, the most valuable first, and
+/// What holds of every log. `log` is what docs/diagnosis-method.md calls it, `names` is what is named, the most valuable first, and
 /// `least_percent` the fit on all steps.
 fn check(found: &Diagnosis, log: &str, names: &[&str], least_percent: f64) {
-    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/diagnosis.md")).unwrap();
+    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/diagnosis-method.md")).unwrap();
     for row in rows_of_docs(found, log) {
-        assert!(docs.lines().any(|line| has_figures(line, &row)), "docs/diagnosis.md has no row\n{row}");
+        assert!(docs.lines().any(|line| has_figures(line, &row)), "docs/diagnosis-method.md has no row\n{row}");
     }
     assert_eq!(found.verdict, if names.is_empty() { Verdict::Unknown } else { Verdict::PartlyNamed });
     assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), names);
@@ -85,7 +85,7 @@ fn check(found: &Diagnosis, log: &str, names: &[&str], least_percent: f64) {
     assert_eq!(ActiveEffect::from_model(&found.model).unwrap().len(), found.effects.len());
 }
 
-/// What docs/diagnosis.md has of a log: its fit on all steps, and on those that each split holds out.
+/// What docs/diagnosis-method.md has of a log: its fit on all steps, and on those that each split holds out.
 fn rows_of_docs(found: &Diagnosis, log: &str) -> Vec<String> {
     let percent = |gap: f64| 100.0 * (1.0 - gap);
     let all = &found.fitted;
