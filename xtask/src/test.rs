@@ -94,6 +94,7 @@ impl Times {
         c_counts.arg("--c");
         let last = [
             pages,
+            xtask("book"),
             xtask("deny"),
             xtask("packages"),
             xtask("semver"),
