@@ -32,7 +32,7 @@ use std::process::ExitCode;
 const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
-  setup    [--dist] installs what the other commands need beside a Rust toolchain; with --dist what dist needs, too
+  setup    installs what the other commands need beside a Rust toolchain; with --dist what dist needs beside that
   build    [--board NAME] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
            (.bin), and as Intel HEX (.hex) or UF2 (.uf2), as its board.toml says, and checks both; with --update-readme
@@ -59,7 +59,8 @@ Usage: cargo xtask COMMAND
   msrv     builds every package that others may take with the oldest compiler that is promised, which rustup fetches
   dist     [--target TARGET] what a release is made of, in target/dist: packages, the program for this machine with completions, manual
            and licenses, Python package, page, images of the boards, a list of what is linked, sums; with --target the
-           program for another system alone. Publishes nothing
+           program for another system alone; with --try installs what was made into empty homes, from the archive, the wheel and
+           the packages, and runs it on a sample. Publishes nothing
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
            with --numbers [DIR ...] what it says of the logs of the tests, and of folders of experiments, is compared with what
@@ -140,6 +141,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["semver", "--freeze"] => Box::new(semver::freeze),
         ["msrv"] => Box::new(packages::build_with_oldest_compiler),
         ["dist"] => Box::new(dist::make),
+        ["dist", "--try"] => Box::new(dist::try_it),
         ["dist", "--target", target] => Box::new(move || dist::make_program(target)),
         ["python"] => Box::new(python::test),
         ["web", options @ ..] => Box::new(move || web::test(options)),

@@ -76,7 +76,7 @@ impl Environment {
 
     /// Where its programs are.
     fn programs(&self) -> PathBuf {
-        self.folder().join("bin")
+        self.folder().join(if cfg!(windows) { "Scripts" } else { "bin" })
     }
 
     /// Where it is.

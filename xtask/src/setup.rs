@@ -214,14 +214,19 @@ fn install_rp2040() -> Result {
     run_within(command(NPM, &arguments).arg(folder).arg(package), DOWNLOAD_LIMIT)
 }
 
-/// What makes a release, beside everything else.
+/// What makes the program of a release: on any system that cargo builds on.
 fn dist_needs() -> Vec<Need> {
+    let page = Need {
+        name: format!("the target {}", web::TARGET),
+        is_there: Box::new(|| toolchain(web::TARGET).is_ok()),
+        install: Box::new(|| add_target(web::TARGET)),
+    };
     let environment = Need {
         name: format!("the Python packages of {}", DIST.requirements),
         is_there: Box::new(|| DIST.has_packages()),
         install: Box::new(|| DIST.install_packages()),
     };
-    [environment].into_iter().chain([&tools::ABOUT, &tools::CYCLONEDX].map(tool)).collect()
+    [page, environment].into_iter().chain([&tools::ABOUT, &tools::CYCLONEDX].map(tool)).collect()
 }
 
 /// A tool that cargo compiles.
@@ -229,10 +234,10 @@ fn tool(tool: &'static Tool) -> Need {
     Need { name: tool.name(), is_there: Box::new(|| tool.is_there()), install: Box::new(|| tool.install()) }
 }
 
-/// An error that names what is missing of that which makes a release.
+/// An error that names what is missing of that which makes the program of a release.
 pub fn dist() -> Result {
-    let needs = needs()?.into_iter().chain(dist_needs());
-    let missing: Vec<String> = needs.filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    let missing: Vec<String> =
+        dist_needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
     if missing.is_empty() {
         Ok(())
     } else {
@@ -245,9 +250,9 @@ pub fn all() -> Result {
     install(needs()?)
 }
 
-/// As [`all`], and what makes a release.
+/// Installs what is missing of that which makes the program of a release.
 pub fn all_for_dist() -> Result {
-    install(needs()?.into_iter().chain(dist_needs()))
+    install(dist_needs())
 }
 
 fn install(needs: impl IntoIterator<Item = Need>) -> Result {

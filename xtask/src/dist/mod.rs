@@ -4,12 +4,14 @@ mod archive;
 mod licenses;
 mod program;
 mod sbom;
+mod trial;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use archive::Files;
+pub use trial::run as try_it;
 
 use crate::board::{self, Board};
 use crate::run::{Result, target_folder};
@@ -26,6 +28,7 @@ const SUMS: &str = "SHA256SUMS";
 /// Everything that is made on this machine: the packages for a registry, the program for this machine, the Python package, the page, the
 /// images of the boards, the list of what is linked, and the sums of all.
 pub fn make() -> Result {
+    setup::check()?;
     setup::dist()?;
     let (folder, version) = (empty_folder()?, version()?);
     let host = program::host()?;

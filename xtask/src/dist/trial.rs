@@ -1,0 +1,128 @@
+//! What `dist` made, as a user installs it: each in a home of its own with nothing in it, and run on a sample there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use tempfile::TempDir;
+
+use super::{names, program, read};
+use crate::packages;
+use crate::run::{Result, command, output, root, target_folder};
+
+/// The package with the program.
+const PACKAGE: &str = "rotorlead-cli";
+/// What is typed first with a program that has just been installed.
+const FIRST: [&[&str]; 4] = [
+    &["--version"],
+    &["sample", "staircase"],
+    &["identify", "staircase.csv", "--out", "model.toml"],
+    &["check", "model.toml"],
+];
+
+/// From the packages for a registry, from the archive, and from the wheel.
+pub fn run() -> Result {
+    let folder = target_folder().join("dist");
+    let names = names(&folder, "").map_err(|error| format!("{error}: `cargo xtask dist` makes it"))?;
+    let named = |end: &str| {
+        let found = names.iter().find(|name| name.ends_with(end)).map(|name| folder.join(name));
+        found.ok_or_else(|| format!("{}: nothing that ends in {end}: `cargo xtask dist` makes it", folder.display()))
+    };
+    archive(&named(&format!("{}.tar.gz", program::host()?))?)?;
+    wheel(&named(".whl")?)?;
+    packages(&folder.join("crates"))
+}
+
+/// A user's machine.
+struct Home {
+    folder: TempDir,
+    /// Where programs are found first.
+    programs: PathBuf,
+}
+
+impl Home {
+    /// One with nothing in it, but for a folder of programs that is named from it.
+    fn new(title: &str, programs: &str) -> Result<Self> {
+        println!("== {title}");
+        let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+        let programs = folder.path().join(programs);
+        Ok(Self { folder, programs })
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Runs a command as a transcript shows it, and says how long it took.
+    fn run(&self, name: &str, arguments: &[&str]) -> Result {
+        let line = std::iter::once(name).chain(arguments.iter().copied()).collect::<Vec<_>>().join(" ");
+        println!("$ {line}");
+        let start = Instant::now();
+        // Looked for here: the path of this process would be searched else.
+        let own = self.programs.join(name);
+        let status = self.command(if own.exists() { &own } else { Path::new(name) }).args(arguments).status();
+        let status = status.map_err(|error| format!("{name}: {error}"))?;
+        println!("# {:.1} s", start.elapsed().as_secs_f64());
+        if status.success() { Ok(()) } else { Err(format!("{line} ended with {status}")) }
+    }
+
+    /// A program that finds in this home what it would find in a user's.
+    fn command(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        let path = std::env::var("PATH").unwrap_or_default();
+        command.current_dir(self.path()).env("HOME", self.path()).env("CARGO_HOME", self.path().join(".cargo"));
+        command.env("PATH", format!("{}:{path}", self.programs.display())).env_remove("CARGO_TARGET_DIR");
+        command
+    }
+
+    fn first(&self) -> Result {
+        FIRST.iter().try_for_each(|arguments| self.run("rotorlead", arguments))
+    }
+}
+
+/// The program out of the archive.
+fn archive(path: &Path) -> Result {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let top = name.trim_end_matches(".tar.gz");
+    let home = Home::new("archive", top)?;
+    home.run("tar", &["xzf", &path.to_string_lossy()])?;
+    home.run("ls", &[top])?;
+    home.first()
+}
+
+/// The wheel, in an environment of Python.
+fn wheel(path: &Path) -> Result {
+    let home = Home::new("wheel", "venv/bin")?;
+    home.run("python3", &["-m", "venv", "venv"])?;
+    home.run("pip", &["install", "--quiet", &path.to_string_lossy(), "matplotlib"])?;
+    fs::copy(root().join("python/example.py"), home.path().join("example.py"))
+        .map_err(|error| format!("python/example.py: {error}"))?;
+    home.run("python", &["example.py", "figure.png"])
+}
+
+/// The program, compiled from the packages as `cargo install` does it from a registry.
+fn packages(folder: &Path) -> Result {
+    let home = Home::new("packages", ".cargo/bin")?;
+    let mut options = Vec::new();
+    let mut manifest = None;
+    for name in names(folder, "")? {
+        let to = home.path().join("packages").join(&name);
+        let package = packages::unpack(&read(&folder.join(&name))?, &to)?;
+        let package_name = name.rsplit_once('-').map_or(&*name, |(package_name, _)| package_name);
+        if package_name == PACKAGE {
+            manifest = Some(package);
+        } else {
+            options.push(format!("patch.crates-io.{package_name}.path={:?}", package.display().to_string()));
+        }
+    }
+    let manifest = manifest.ok_or_else(|| format!("{}: no {PACKAGE}", folder.display()))?.display().to_string();
+    let rustc = output(&mut command("rustc", &["--version"])).unwrap_or_default();
+    println!("# {}", rustc.trim());
+    let mut arguments = vec!["install", "--path", &manifest];
+    for option in &options {
+        arguments.extend(["--config", option]);
+    }
+    home.run("cargo", &arguments)?;
+    home.first()
+}
