@@ -58,7 +58,7 @@ pub struct Bandwidth {
     #[command(flatten)]
     latency: LatencyArguments,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

@@ -33,7 +33,7 @@ pub struct Compare {
     #[command(flatten)]
     reader: Reader,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

@@ -39,7 +39,7 @@ pub struct Design {
     #[command(flatten)]
     latency: LatencyArguments,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

@@ -43,7 +43,7 @@ pub struct Diagnose {
     #[arg(long, value_name = "FILE")]
     out_plan: Option<PathBuf>,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     redesign: RedesignArguments,
     #[command(flatten)]

@@ -31,7 +31,7 @@ pub struct Fleet {
     #[arg(value_name = "DIR")]
     fleet: PathBuf,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

@@ -53,7 +53,7 @@ pub struct Identify {
     #[command(flatten)]
     align: AlignOptions,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

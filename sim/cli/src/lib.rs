@@ -2,6 +2,7 @@
 //! came out, for people and as JSON.
 
 mod bandwidth;
+mod browser;
 mod check;
 mod compare;
 mod completions;
@@ -36,8 +37,10 @@ mod replacement;
 mod report;
 mod report_option;
 mod report_pages;
+mod sample;
 mod serve;
 mod simulate;
+mod start;
 mod usage_error;
 mod validate;
 mod vehicle;
@@ -86,7 +89,8 @@ From several records of one motor:
   rotorlead check    stand                     what is wrong with it, if anything
   rotorlead identify stand --out model.toml
 
-With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
+Without a log, `rotorlead sample` has some to try this on; with a stand and no
+log yet, `rotorlead new DIR` makes a folder to begin with.
 
 Exit status: 0 done, 1 failed, 2 wrong use, 129 hung up, 130 interrupted,
 131 quit, 143 terminated.";
@@ -115,6 +119,13 @@ macro_rules! commands {
     (@answers_into_folder $command:ident, $verbosity:ident) => {
         $command.json.answer(Some(&$command.out), || $command.run(), $verbosity)
     };
+    // The same of both, and the report opened where that is asked.
+    (@reports $command:ident, $verbosity:ident) => {
+        $command.json.answer(None, || $command.run(), $verbosity).map(|()| $command.report.open())
+    };
+    (@reports_into_folder $command:ident, $verbosity:ident) => {
+        $command.json.answer(Some(&$command.out), || $command.run(), $verbosity).map(|()| $command.report.open())
+    };
     // What it finds, in an order of its own.
     (@says $command:ident, $verbosity:ident) => { $command.say($verbosity) };
     // A script or a page.
@@ -123,22 +134,23 @@ macro_rules! commands {
 
 // In the order of the work. A new command is a file with its module above, and a line here.
 commands! {
+    Sample(sample::Sample), answers, "rotorlead sample staircase.csv";
     New(new::New), says, "rotorlead new first";
-    Demo(demo::Demo), answers_into_folder, "rotorlead demo";
-    Excite(excite::Excite), answers, "rotorlead excite --band 0.1..30 --out command.csv";
-    Simulate(simulate::Simulate), answers_into_folder, "rotorlead simulate model.toml --out sim";
+    Demo(demo::Demo), says, "rotorlead demo";
+    Excite(excite::Excite), reports, "rotorlead excite --band 0.1..30 --out command.csv";
+    Simulate(simulate::Simulate), reports_into_folder, "rotorlead simulate model.toml --out sim";
     Import(import::Import), answers_into_folder, "rotorlead import run1.csv run2.csv --excitation staircase --out stand";
     Check(check::Check), says, "rotorlead check stand";
-    Identify(identify::Identify), answers, "rotorlead identify log.csv --excitation staircase --out model.toml";
-    Validate(validate::Validate), answers, "rotorlead validate stand --model model.toml";
-    Compare(compare::Compare), answers, "rotorlead compare before.csv after.csv --excitation staircase";
-    Design(design::Design), answers, "rotorlead design model.toml --out compensator.toml";
-    Bandwidth(bandwidth::Bandwidth), answers, "rotorlead bandwidth model.toml --compensator compensator.toml";
-    Vehicle(vehicle::Vehicle), answers, "rotorlead vehicle model.toml";
+    Identify(identify::Identify), reports, "rotorlead identify log.csv --excitation staircase --out model.toml";
+    Validate(validate::Validate), reports, "rotorlead validate stand --model model.toml";
+    Compare(compare::Compare), reports, "rotorlead compare before.csv after.csv --excitation staircase";
+    Design(design::Design), reports, "rotorlead design model.toml --out compensator.toml";
+    Bandwidth(bandwidth::Bandwidth), reports, "rotorlead bandwidth model.toml --compensator compensator.toml";
+    Vehicle(vehicle::Vehicle), reports, "rotorlead vehicle model.toml";
     Export(export::Export), says, "rotorlead export model.toml --for px4";
-    Diagnose(diagnose::Diagnose), answers, "rotorlead diagnose stand --report diagnosis.html";
-    Fleet(fleet::Fleet), answers, "rotorlead fleet logs";
-    Report(report::ReportCommand), answers, "rotorlead report log.csv --excitation staircase";
+    Diagnose(diagnose::Diagnose), reports, "rotorlead diagnose stand --report diagnosis.html";
+    Fleet(fleet::Fleet), reports, "rotorlead fleet logs";
+    Report(report::ReportCommand), says, "rotorlead report log.csv --excitation staircase";
     Redact(redact::Redact), answers, "rotorlead redact log.csv --out copy.csv";
     Device(device::Device), says, "rotorlead device --port /dev/ttyUSB0 info";
     Serve(serve::Serve), prints, "rotorlead serve";
@@ -147,12 +159,17 @@ commands! {
 }
 
 impl Arguments {
-    /// What the command line says. Wrong use, `--help` and `--version` end the program here.
+    /// What the command line says. Wrong use, `--help` and `--version` end the program here, and so does a command line that asks nothing,
+    /// after a few words on how to begin.
     ///
     /// # Errors
-    /// When help or version were asked for and cannot be printed; a [`UsageError`] where outputs are in each other's place, or
+    /// When help, version or how to begin cannot be printed; a [`UsageError`] where outputs are in each other's place, or
     /// in that of what is read; when an output would replace a file of another kind, and that is not forced.
     pub fn from_command_line() -> miette::Result<Self> {
+        if std::env::args_os().len() <= 1 {
+            outcome::print_bytes(start::text().as_bytes())?;
+            std::process::exit(Exit::Done.status().into());
+        }
         let matches = match command_line().try_get_matches() {
             Ok(matches) => matches,
             Err(asked) if !asked.use_stderr() => {

@@ -11,6 +11,8 @@ use rotorlead_report::is_drawn;
 use serde::Deserialize;
 use thiserror::Error;
 
+use super::sample::SampleLog;
+
 const COMMANDS: &str = "a table of commands";
 const COMPENSATOR: &str = "a compensator";
 const EXPORT: &str = "exported numbers";
@@ -20,6 +22,7 @@ const JSON: &str = "JSON of this program";
 const MODEL: &str = "a model";
 const PLAN: &str = "a plan";
 const REPORT: &str = "a report";
+const SAMPLE: &str = "a sample";
 const STAND: &str = "a stand";
 const TABLE: &str = "a table";
 const UNKNOWN: &str = "of an unknown kind";
@@ -65,6 +68,7 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         ("identify", "out") => &[MODEL, STAND],
         ("excite", "out") => &[COMMANDS],
         ("export", "out") => &[EXPORT],
+        ("sample", "out") => &[SAMPLE],
         // A copy is a log like any other: none is lost.
         ("redact", "out") => &[LOG],
         _ => return Ok(()),
@@ -84,6 +88,16 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         written: kinds[0],
         place: "file",
     })
+}
+
+/// Refuses to put a report in the place of another file.
+pub(super) fn check_report(path: &Path, option: &str) -> Result<(), ReplacementRefused> {
+    check(path, option, ("", "report"))
+}
+
+/// Refuses to put a sample in the place of another file.
+pub(super) fn check_sample(path: &Path, option: &str) -> Result<(), ReplacementRefused> {
+    check(path, option, ("sample", "out"))
 }
 
 /// Whether something is lost where this is replaced. What cannot be read is refused as what cannot be written.
@@ -114,6 +128,9 @@ fn kind(path: &Path) -> Option<&'static str> {
     }
     if beginning.lines().next() == Some("time_s,command") {
         return Some(COMMANDS);
+    }
+    if SampleLog::is_one(path) {
+        return Some(SAMPLE);
     }
     if is_exported(&beginning) {
         return Some(EXPORT);

@@ -17,10 +17,10 @@ use serde_json::json;
 
 use super::identify::not_identified;
 use super::measured::{Measured, Reading, is_log};
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::{KindName, PurposeOption};
 use super::replacement::report_at;
-use super::report_option::{FiguresOption, this_command};
+use super::report_option::{DEFAULT_REPORT, FiguresOption, OpenOption, this_command};
 use super::{diagnose, progress, report_pages};
 
 /// Everything that an experiment or a log says, in one report: identification, validation, compensator, bandwidth and diagnosis
@@ -32,7 +32,7 @@ pub struct ReportCommand {
     #[command(flatten)]
     measured: Measured,
     /// Where the report goes
-    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    #[arg(long, value_name = "FILE", default_value = DEFAULT_REPORT)]
     pub(super) out: PathBuf,
     /// The model to be judged; unless given, DIR/model.toml where it is there, or else the lags that the records show
     #[arg(long, value_name = "FILE")]
@@ -46,14 +46,22 @@ pub struct ReportCommand {
     #[arg(long)]
     no_diagnosis: bool,
     #[command(flatten)]
+    open: OpenOption,
+    #[command(flatten)]
     figures: FiguresOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
 impl ReportCommand {
-    /// Runs the command.
-    pub fn run(&self) -> miette::Result<Outcome> {
+    /// Runs the command, says what came out, and opens the report where that is asked.
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
+        self.json.answer(None, || self.run(), verbosity)?;
+        self.open.open(&self.out);
+        Ok(())
+    }
+
+    fn run(&self) -> miette::Result<Outcome> {
         check_writable(&self.out)?;
         self.figures.check()?;
         let given = self.given();

@@ -10,21 +10,44 @@ use rotorlead_records::files::{FileError, check_writable, make_folder, write_fil
 use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
-use super::progress;
-use super::replacement::{check_figure, report_at};
+use super::browser::open_file;
+use super::replacement::{check_figure, check_report, report_at};
+use super::{UsageError, progress};
+
+/// What a report is called that nobody names.
+pub(super) const DEFAULT_REPORT: &str = "report.html";
 
 /// Where the report and its figures go.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct ReportOption {
     /// Also write a report: one HTML file with the verdict, tables and interactive figures, which needs no network
     #[arg(long = "report", value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
+    open: OpenOption,
+    #[command(flatten)]
     pub(super) figures: FiguresOption,
 }
 
+/// Whether a report is shown at once.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct OpenOption {
+    /// Open the report in the browser
+    #[arg(long)]
+    open: bool,
+}
+
+impl OpenOption {
+    /// Opens the report where that is asked. It has to be there: files that a command writes are renamed at its end.
+    pub fn open(self, report: &Path) {
+        if self.open {
+            open_file(report);
+        }
+    }
+}
+
 /// Where figures go.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct FiguresOption {
     /// Also write every figure as SVG and PNG, and the numbers of figures and tables as CSV, into this folder, which is made
     /// where it is not there
@@ -35,10 +58,35 @@ pub struct FiguresOption {
 }
 
 impl ReportOption {
-    /// Refuses what cannot be written, before any work is done.
-    pub fn check(&self) -> Result<(), FileError> {
+    /// Refuses what cannot be written, and a report that is to be opened and has no name, before any work is done.
+    pub fn check(&self) -> miette::Result<()> {
+        if self.open.open && self.report.is_none() {
+            let help = "name it too: --report report.html --open";
+            return Err(UsageError::new("--open opens the report, and --report names none", help).into());
+        }
         self.report.as_deref().map_or(Ok(()), check_writable)?;
-        self.figures.check()
+        Ok(self.figures.check()?)
+    }
+
+    /// The same where a report that is to be opened and has no name goes into `folder`, which the command makes.
+    pub fn in_folder(&self, folder: &Path) -> miette::Result<Self> {
+        if !self.open.open || self.report.is_some() {
+            self.check()?;
+            return Ok(self.clone());
+        }
+        let file = folder.join(DEFAULT_REPORT);
+        if !self.figures.force {
+            check_report(&file, "--open")?;
+        }
+        self.figures.check()?;
+        Ok(Self { report: Some(file), ..self.clone() })
+    }
+
+    /// Opens the report that was written, where that is asked.
+    pub fn open(&self) {
+        if let Some(file) = &self.report {
+            self.open.open(file);
+        }
     }
 
     /// Where the report goes.

@@ -10,6 +10,7 @@ use clap::Args;
 use flate2::read::GzDecoder;
 use miette::miette;
 
+use super::browser::open_page;
 use super::outcome::print_bytes;
 
 /// The page's files: name, and bytes as gzip has them. None where the program was built without the page.
@@ -69,8 +70,8 @@ impl Serve {
         let port = listener.local_addr().map_or(self.port, |address| address.port());
         let page = format!("http://127.0.0.1:{port}/");
         print_bytes(format!("{page}\nCtrl-C ends it.\n").as_bytes())?;
-        if !self.no_browser && open::that_detached(&page).is_err() {
-            eprintln!("No browser was found: open the address by hand.");
+        if !self.no_browser {
+            open_page(&page);
         }
         for browser in listener.incoming().flatten() {
             // A browser that has gone, or for which there is no thread, needs no answer.

@@ -27,7 +27,7 @@ pub struct Validate {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

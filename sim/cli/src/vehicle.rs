@@ -34,7 +34,7 @@ pub struct Vehicle {
     #[arg(long, value_name = "FILE")]
     airframe: Option<PathBuf>,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

@@ -32,7 +32,7 @@ use rotorlead_results::{
 };
 use serde::Serialize;
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::number;
 use super::report_option::{ReportOption, check_folder};
 use super::simulate::simulate;
@@ -47,7 +47,7 @@ const DRAWN_UP_TO_RAD_S: f64 = 282.0;
 ///
 /// The actuators have the lags of the paper's Table 1, and thrust noise of 0.02 N. They are driven by the code that runs
 /// on the controller: its excitation, its filter in integers. What is identified, designed and measured is printed
-/// beside what the paper prints.
+/// beside what the paper prints. With --open a report is made too, in the folder of --out unless --report names another place.
 #[derive(Args, Debug)]
 pub struct Demo {
     /// Where the model, the compensators and the figures go; those of an earlier run are replaced
@@ -60,7 +60,7 @@ pub struct Demo {
     #[arg(long, value_name = "PER_S", value_parser = number(AcceptedRange::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -139,10 +139,16 @@ impl BandwidthRow {
 }
 
 impl Demo {
-    /// Runs the command.
-    pub fn run(&self) -> miette::Result<Outcome> {
+    /// Runs the command, says what came out, and opens its report where that is asked.
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
+        let report = self.report.in_folder(&self.out)?;
+        self.json.answer(Some(&self.out), || self.run(&report), verbosity)?;
+        report.open();
+        Ok(())
+    }
+
+    fn run(&self, report: &ReportOption) -> miette::Result<Outcome> {
         check_folder(&self.out)?;
-        self.report.check()?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
@@ -192,7 +198,7 @@ impl Demo {
             measured: &measured,
             inverse: &inverse,
         };
-        let written = self.report.write(|| {
+        let written = report.write(|| {
             let mut bandwidth = simulated.section(papers_chain);
             bandwidth.figures.push(drawn);
             bandwidth.tables.push(inverse.table());
