@@ -5,7 +5,7 @@ import { button, element } from "./element.js";
 const EXPERIMENT = "experiment.toml";
 
 /** Fills `host` with the place to drop logs; `taken` gets lists of `{ name, file }`, one for each experiment or else one for all. */
-export function dropPlace(host, { taken, example }) {
+export function dropPlace(host, { taken, sample }) {
   const chooser = (properties, attributes = {}) => {
     const input = element("input", { type: "file", hidden: true, multiple: true, ...properties, attributes });
     input.addEventListener("change", () => {
@@ -21,7 +21,7 @@ export function dropPlace(host, { taken, example }) {
   const place = element("div", { className: "drop" },
     element("p", { className: "headline", textContent: "Drop logs here" }),
     element("p", {}, "or ", button("Choose logs", () => files.click()), " ", button("Choose a folder", () => folder.click()),
-      " ", button("Take the example", example, { id: "example" })),
+      " ", button("Take the sample", sample, { id: "sample" })),
     files, folder);
   host.append(place);
 

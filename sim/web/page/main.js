@@ -7,7 +7,8 @@ import { element } from "./element.js";
 import { complain, say, showMessages } from "./messages.js";
 import { Motors } from "./motors.js";
 
-const EXAMPLE = "example.csv";
+// `rotorlead sample` writes it, too.
+const SAMPLE = "staircase.csv";
 
 document.getElementById("unstarted").remove();
 showMessages(document.getElementById("messages"));
@@ -19,11 +20,11 @@ const motors = choices.then((found) => new Motors(document.getElementById("motor
 const logs = document.getElementById("logs");
 dropPlace(logs, {
   taken: async (groups) => (await motors).take(groups),
-  example: async () => {
-    const response = await fetch(EXAMPLE);
-    if (!response.ok) throw new Error(`${EXAMPLE}: ${response.status} ${response.statusText}`);
-    const file = new File([await response.blob()], EXAMPLE);
-    await (await motors).take([[{ name: EXAMPLE, file }]]);
+  sample: async () => {
+    const response = await fetch(SAMPLE);
+    if (!response.ok) throw new Error(`${SAMPLE}: ${response.status} ${response.statusText}`);
+    const file = new File([await response.blob()], SAMPLE);
+    await (await motors).take([[{ name: SAMPLE, file }]]);
   },
 });
 

@@ -60,7 +60,7 @@ export function looks({ browser, folder, data }) {
     seen("narrow", { viewport: NARROW }),
     seen("dark", { viewport: WIDE, dark: true }),
     test("it is small, and starts soon", async () => {
-      const names = (await readdir(folder)).filter((name) => !["plotly.js", "example.csv", "plotly-license.txt"].includes(name));
+      const names = (await readdir(folder)).filter((name) => !["plotly.js", "staircase.csv", "plotly-license.txt"].includes(name));
       const sizes = await Promise.all(names.map(async (name) => [name, gzipSync(await readFile(join(folder, name)), { level: 9 }).length]));
       const whole = sizes.reduce((sum, [, size]) => sum + size, 0);
       assert.ok(whole < LOADED_MB * 1e6, `${whole} bytes`);
@@ -98,7 +98,7 @@ export function looks({ browser, folder, data }) {
       }
       assert.deepEqual(reached.filter(({ isSeen }) => !isSeen), [], "focus that is not seen");
       const names = reached.map(({ name }) => name);
-      for (const name of ["Choose logs", "Choose a folder", "Take the example", "esc32v3_f60-1", "Diagnose", "model.toml", "Show"]) {
+      for (const name of ["Choose logs", "Choose a folder", "Take the sample", "esc32v3_f60-1", "Diagnose", "model.toml", "Show"]) {
         assert.ok(names.includes(name), `${name} is not among ${names.join(" | ")}`);
       }
       assert.ok(reached.some(({ kind }) => kind === "range") && reached.some(({ kind }) => kind === "radio"));

@@ -18,7 +18,7 @@ const DEAF_MS = 3000;
 export function mishaps({ browser, folder, program, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
   const small = join(data, "cases/command-stamps-dropped/log.bin");
-  const staircase = join(folder, "example.csv");
+  const staircase = join(folder, "staircase.csv");
   const motor = async (options) => {
     const page = await browser.open(options);
     await page.take(f60);
@@ -157,8 +157,8 @@ export function mishaps({ browser, folder, program, data }) {
       // A plain table does not say what drove the command.
       const unsaid = join(folder, "unsaid.csv");
       const [, ...rows] = (await readFile(staircase, "utf8")).trim().split("\n").map((row) => row.split(","));
-      const plain = rows.map(([time, us, rpm]) => [time, (us - 1000) / 1000, rpm].join());
-      await writeFile(unsaid, `${["time_s,command,rpm", ...plain].join("\n")}\n`);
+      const plain = rows.map(([time, us, thrust]) => [time, (us - 1000) / 1000, thrust].join());
+      await writeFile(unsaid, `${["time_s,command,thrust_n", ...plain].join("\n")}\n`);
       const page = await browser.open();
       await page.drop(unsaid);
       await page.page.waitForSelector(".ask form");
@@ -168,7 +168,7 @@ export function mishaps({ browser, folder, program, data }) {
       await page.answer({ excitation: "staircase" });
       await page.until(() => document.querySelectorAll(".chips li").length === 2 && document.querySelector(".busy").hidden);
       const names = await page.page.$$eval(".chips .mono", (chips) => chips.map((chip) => chip.textContent));
-      assert.deepEqual(names, ["unsaid.csv", "example.csv"]);
+      assert.deepEqual(names, ["unsaid.csv", "staircase.csv"]);
       assert.deepEqual(page.complaints, []);
       await page.close();
     })),

@@ -174,7 +174,7 @@ before.push(close);
 const browser = await Browser.start(modules, url);
 before.push(() => browser.close());
 /** A log that ships with the page. */
-const log = path.join(folder, "example.csv");
+const log = path.join(folder, "staircase.csv");
 box = await openPage(browser, url, pico);
 
 await test("a box is shown as the command line shows it", async () => {

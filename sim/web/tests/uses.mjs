@@ -15,20 +15,20 @@ export function uses({ browser, folder, program, data }) {
   const f60 = join(data, "alspitz_esc_test/esc32v3_f60-1.csv");
   const small = join(data, "cases/command-stamps-dropped/log.bin");
   const other = join(data, "cases/motor-2-moves/log.bin");
-  const staircase = join(folder, "example.csv");
+  const staircase = join(folder, "staircase.csv");
   const test = (name, run) => ({ name, run });
   const ended = async (page) => {
     assert.deepEqual(page.complaints, []);
     await page.close();
   };
   return [
-    test("the example is a log", async () => {
+    test("the sample is a log", async () => {
       const page = await browser.open();
-      await page.click("Take the example");
+      await page.click("Take the sample");
       const { headline, asked } = await page.shown();
       assert.equal(asked, "");
       assert.match(headline, /\d+ ms/);
-      await page.picture("example");
+      await page.picture("sample");
       await ended(page);
       return headline;
     }),
@@ -157,17 +157,17 @@ export function uses({ browser, folder, program, data }) {
     test("a further run is held out, and judges the first", async () => {
       const folder = await mkdtemp(join(tmpdir(), "page-"));
       // Called as the first: both are runs all the same.
-      const again = join(folder, "example.csv");
+      const again = join(folder, "staircase.csv");
       await copyFile(staircase, again);
       const page = await browser.open();
       await page.take(staircase);
       const said = () => page.page.$eval(".results .verdict", (verdict) => verdict.innerText);
       assert.match(await said(), /held out/);
       await page.drop(again);
-      await page.click("A further run of example");
+      await page.click("A further run of staircase");
       await page.until(() => document.querySelectorAll(".chips input").length === 2 && document.querySelector(".busy").hidden);
       const names = await page.page.$$eval(".chips .mono", (chips) => chips.map((chip) => chip.textContent));
-      assert.deepEqual(names, ["example.csv", "example (2).csv"]);
+      assert.deepEqual(names, ["staircase.csv", "staircase (2).csv"]);
       await page.page.click(".chips li:last-child input");
       await page.until(() => document.querySelector(".busy").hidden && !document.querySelector(".results .verdict").innerText.includes("held out that"));
       // What is held out cannot be all.

@@ -25,8 +25,9 @@ const MODULE: &str = "rotorlead_web";
 const PAGE: &str = "sim/web/page";
 /// The list of all of them.
 const FILES: &str = "files.js";
-/// What it shares with the one-file report, by the names that the page has for them.
-const SHARED: [(&str, &str); 4] = [
+/// What it shares with the one-file report and the command line, by the names that the page has for them.
+const SHARED: [(&str, &str); 5] = [
+    ("sim/cli/samples/staircase.csv", "staircase.csv"),
     ("sim/report/templates/report.css", "report.css"),
     ("sim/report/templates/figures.js", "figures.js"),
     ("sim/report/vendor/plotly/plotly-cartesian.min.js", "plotly.js"),
