@@ -48,14 +48,13 @@ const fn page(file: &'static str, commands: usize) -> Page {
 }
 
 /// What autopilots logged.
-const AUTOPILOT_LOGS: &[(&str, &str)] =
-    &[("chirp.bin", "sim/records/tests/data/chirp.bin"), ("bench.bin", "sim/records/tests/data/bench.bin")];
+const AUTOPILOT_LOGS: &[(&str, &str)] = &[("bench.bin", "sim/records/tests/data/bench.bin")];
 
 /// Every page with commands.
 const PAGES: [Page; 20] = [
-    Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
+    page("README.md", 8),
     page("CONTRIBUTING.md", 6),
-    Page { brought: &[("log.csv", "sim/records/tests/data/rcbenchmark.csv")], ..page("docs/own-motor.md", 7) },
+    page("docs/own-motor.md", 15),
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),

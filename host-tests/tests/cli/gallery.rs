@@ -98,6 +98,8 @@ const ROWS: [&[Case]; 4] = [
         succeeding("diagnose esc"),
     ],
     &[
+        succeeding("sample"),
+        succeeding("sample hidden.csv"),
         succeeding("new first"),
         succeeding("excite --band 0.1..2 --rate 100 --starts 1 --out command.csv"),
         succeeding("excite --band 0.1..2 --rate 100 --detection --realizations 3 --out detect.csv"),
@@ -172,6 +174,7 @@ pub fn put_demo(command: &str, folder: &Path) -> bool {
     let demo = "rotorlead demo";
     let report = match command.strip_prefix(demo).map(str::trim) {
         Some("" | "--out demo-out") => None,
+        Some("--open") => Some("demo-out/report.html"),
         Some(options) => match options.split_once(' ') {
             Some(("--report", file)) if !file.contains(' ') => Some(file),
             _ => return false,

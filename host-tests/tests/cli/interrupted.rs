@@ -75,7 +75,7 @@ fn a_signal_in_the_middle_leaves_nothing() {
 /// Commands that write, each with how often a signal of each kind ends it. The first three write a folder of records, a model with
 /// a report and figures, and what a long search finds.
 #[cfg(unix)]
-const THAT_WRITE: [(&str, u32); 15] = [
+const THAT_WRITE: [(&str, u32); 16] = [
     ("import long.csv --out imported", 3),
     ("identify sim --out found.toml --report found.html --figures found", 3),
     ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 2),
@@ -89,6 +89,7 @@ const THAT_WRITE: [(&str, u32); 15] = [
     ("excite --band 0.1..30 --rate 1000 --starts 4 --out period.csv --report period.html", 4),
     ("vehicle --airframe airframe.toml --model model.toml --report flight.html --figures flight", 3),
     ("new first", 4),
+    ("sample staircase.csv", 4),
     ("man --out pages", 3),
     ("demo --out demo --report demo.html", 3),
 ];
@@ -184,6 +185,7 @@ fn a_file_for_which_there_is_no_room_is_named_and_no_part_of_it_stays() {
         ("simulate --model model.toml --plan plan.toml --out full", "full/u050_multisine.csv"),
         (&format!("import {log} --out full")[..], "full/"),
         ("new full", "full/"),
+        ("sample staircase.csv", "staircase.csv"),
         ("excite --band 0.1..2 --rate 1000 --starts 1 --out full.csv", "full.csv"),
         ("identify sim --out found.toml --report full.html", "full.html"),
         ("validate sim --model model.toml --report full.html", "full.html"),
@@ -227,7 +229,9 @@ fn a_full_device_is_named() {
     stand.refuses("new first --json /dev/full", 1, &["cannot write `/dev/full`", "No space left", "free space"]);
     for arguments in [
         "check sim",
+        "",
         "new second",
+        "sample",
         "completions bash",
         "man",
         "excite --band 0.1..2 --rate 100 --starts 1",
@@ -263,7 +267,10 @@ fn a_closed_pipe_is_no_failure_of_any_command() {
         "vehicle --airframe airframe.toml --model model.toml",
         "diagnose sim",
         "report sim --out r.html",
+        "",
         "new first",
+        "sample",
+        "sample staircase.csv",
         "completions zsh",
         "man",
         "identify --help",

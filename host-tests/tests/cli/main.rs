@@ -36,8 +36,10 @@ mod report_of_steps;
 mod reports;
 #[cfg(unix)]
 mod robust;
+mod sample;
 mod slew;
 mod stand;
+mod start;
 mod terminal;
 mod two_logs;
 mod vehicle;

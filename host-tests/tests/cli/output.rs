@@ -35,7 +35,7 @@ fn every_command_refuses_an_unknown_option_as_wrong_use() {
     for command in commands() {
         Stand::new().refuses(&format!("{command} --no-such-option"), 2, &["--no-such-option", "--help"]);
     }
-    Stand::new().refuses("", 2, &["Usage: rotorlead"]);
+    Stand::new().refuses("--quiet", 2, &["Usage: rotorlead"]);
     Stand::new().refuses("identfy", 2, &["identfy", "identify"]);
 }
 
@@ -149,6 +149,8 @@ fn nothing_but_json_is_on_standard_output_of_any_command() {
         &format!("import {log} --out imported"),
         "vehicle --airframe airframe.toml --model model.toml",
         "demo",
+        "sample",
+        "sample staircase.csv",
     ] {
         let assert = stand.command(&format!("{arguments} --json -")).assert().code(0);
         assert_eq!(report(&assert), "", "{arguments}");

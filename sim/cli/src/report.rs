@@ -11,6 +11,7 @@ use rotorlead_design::{DesignOptions, InverseOptions};
 use rotorlead_plant::Model;
 use rotorlead_records::files::{check_writable, printable, write_file};
 use rotorlead_records::import::shell_word;
+use rotorlead_records::{Excitation, Experiment};
 use rotorlead_report::html;
 use rotorlead_results::{Asked, Overview, Watch};
 use serde_json::json;
@@ -87,7 +88,7 @@ impl ReportCommand {
         let report = Report {
             facts: [report_pages::records(&experiment, self.measured.path()), judged.into_iter().collect()].concat(),
             sections: overview.sections(&experiment),
-            commands: self.commands(&overview, given.as_deref()),
+            commands: self.commands(&overview, &experiment, given.as_deref()),
             verdict: overview.verdict(&experiment),
             warnings: overview.warnings(),
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
@@ -115,7 +116,7 @@ impl ReportCommand {
     }
 
     /// The report again, and each part by itself.
-    fn commands(&self, overview: &Overview, given: Option<&Path>) -> Vec<String> {
+    fn commands(&self, overview: &Overview, experiment: &Experiment, given: Option<&Path>) -> Vec<String> {
         let quoted = |path: &Path| shell_word(&path.display().to_string()).into_owned();
         let (folder, model) =
             (quoted(self.measured.as_folder()), given.map_or_else(|| "model.toml".to_owned(), quoted));
@@ -147,7 +148,10 @@ impl ReportCommand {
         commands.push(format!("rotorlead diagnose {folder}{judged}"));
         if overview.designed.is_ok() {
             commands.push(format!("rotorlead design {model}{own} --out compensator.toml"));
-            commands.push(format!("rotorlead bandwidth {model} --compensator compensator.toml --records {folder}"));
+            // Of multisines alone a bandwidth is measured.
+            let is_measured = experiment.records.iter().any(|record| record.excitation == Excitation::Multisine);
+            let records = if is_measured { format!(" --records {folder}") } else { String::new() };
+            commands.push(format!("rotorlead bandwidth {model} --compensator compensator.toml{records}"));
         }
         commands
     }
