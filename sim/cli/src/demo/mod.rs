@@ -60,7 +60,7 @@ pub struct Demo {
     #[arg(long, value_name = "PER_S", value_parser = number(AcceptedRange::SLEW_PER_S), allow_negative_numbers = true)]
     slew: Option<f64>,
     #[command(flatten)]
-    pub(super) report: ReportOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
