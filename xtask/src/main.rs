@@ -207,6 +207,24 @@ mod tests {
         pages
     }
 
+    /// What is done on other machines.
+    const WORKFLOW: &str = ".github/workflows/release.yml";
+
+    #[test]
+    fn every_task_of_the_workflow_exists() {
+        let text = std::fs::read_to_string(super::run::root().join(WORKFLOW)).unwrap();
+        let tasks: Vec<String> = text
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("- run: cargo xtask "))
+            .map(|task| task.replace("${{ matrix.target }}", "TARGET"))
+            .collect();
+        for task in &tasks {
+            let arguments: Vec<&str> = task.split_whitespace().collect();
+            assert!(super::task(&arguments).is_some(), "{WORKFLOW}: `cargo xtask {task}`");
+        }
+        assert!(tasks.len() >= 5, "{WORKFLOW}: {tasks:?}");
+    }
+
     /// Each `cargo xtask ...` of a page, in a block of commands or between backquotes, without a comment behind it.
     fn named(page: &Path) -> Vec<String> {
         let text = std::fs::read_to_string(page).unwrap();
