@@ -11,8 +11,8 @@ pub use source::resolved;
 use crate::run::{Result, root, target_folder};
 use crate::setup;
 
-/// Builds the site into `book` in cargo's target folder. Where a page or a link is wrong, the last site stays.
-pub fn build() -> Result {
+/// Builds the site into `book` in cargo's target folder, and gives that. Where a page or a link is wrong, the last site stays.
+pub fn build() -> Result<PathBuf> {
     let folder = target_folder().join("book-build");
     remove(&folder)?;
     source::gather(root(), &folder)?;
@@ -29,7 +29,7 @@ pub fn build() -> Result {
     remove(&site)?;
     fs::rename(&built, &site).map_err(|error| format!("{}: {error}", site.display()))?;
     println!("{pages} pages: {}", site.join("index.html").display());
-    Ok(())
+    Ok(site)
 }
 
 /// Removes a folder, if there is one.

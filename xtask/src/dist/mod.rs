@@ -16,7 +16,7 @@ pub use trial::run as try_it;
 use crate::board::{self, Board};
 use crate::run::{Result, target_folder};
 use crate::sum::sha256;
-use crate::{firmware, packages, python, setup, web};
+use crate::{book, firmware, packages, python, setup, web};
 
 /// The package whose version is the release's.
 const PACKAGE: &str = "rotorlead";
@@ -26,7 +26,7 @@ const PAGE_PACKAGE: &str = "rotorlead-web";
 const SUMS: &str = "SHA256SUMS";
 
 /// Everything that is made on this machine: the packages for a registry, the program for this machine, the Python package, the page, the
-/// images of the boards, the list of what is linked, and the sums of all.
+/// documentation, the images of the boards, the list of what is linked, and the sums of all.
 pub fn make() -> Result {
     setup::check()?;
     setup::dist()?;
@@ -38,6 +38,12 @@ pub fn make() -> Result {
         archives.iter().try_for_each(|archive| copy(archive, &folder.join("crates")))
     })?;
     timed("images", || board::all()?.iter().try_for_each(|board| image(board, &version, &folder)))?;
+    timed("documentation", || {
+        let mut files = Files::default();
+        files.add_folder("docs", &book::build()?)?;
+        let top = format!("rotorlead-{version}-docs");
+        write(&folder.join(format!("{top}.tar.gz")), &files.tar_gz(&top)?)
+    })?;
     let page = timed("page", web::page)?;
     timed("page's archive", || {
         let mut files = Files::default();

@@ -18,7 +18,7 @@ const FIRST: [&[&str]; 4] = [
     &["--version"],
     &["sample", "staircase"],
     &["identify", "staircase.csv", "--out", "model.toml"],
-    &["check", "model.toml"],
+    &["design", "model.toml", "--out", "compensator.toml"],
 ];
 
 /// From the packages for a registry, from the archive, and from the wheel.
