@@ -56,11 +56,11 @@ Usage: cargo xtask COMMAND
   deny     the licenses, versions and sources of all that is depended on, by deny.toml; a part of test
   semver   [--freeze] what a caller of the library would have to change since the version that is kept in xtask/released; a part of
            test; with --freeze keeps today's
-  msrv     builds every package that others may take with the oldest compiler that is promised, which rustup fetches
+  msrv     compiles every package that others may take with the oldest compiler that is promised, which rustup fetches
   dist     [--target TARGET] what a release is made of, in target/dist: packages, the program for this machine with completions, manual
            and licenses, Python package, page, images of the boards, a list of what is linked, sums; with --target the
-           program for another system alone; with --try installs what was made into empty homes, from the archive, the wheel and
-           the packages, and runs it on a sample. Publishes nothing
+           program for another system alone; with --try installs what was made into empty homes, from the archive, the wheel, the
+           Python sources and the packages, and tries it on a sample. Publishes nothing
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   web      [--serial] the web page, driven in a browser; with --serial its serial port, at an emulated Pico; parts of test;
            with --numbers [DIR ...] what it says of the logs of the tests, and of folders of experiments, is compared with what
@@ -139,7 +139,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["deny"] => Box::new(deny),
         ["semver"] => Box::new(semver::check),
         ["semver", "--freeze"] => Box::new(semver::freeze),
-        ["msrv"] => Box::new(packages::build_with_oldest_compiler),
+        ["msrv"] => Box::new(packages::check_with_oldest_compiler),
         ["dist"] => Box::new(dist::make),
         ["dist", "--try"] => Box::new(dist::try_it),
         ["dist", "--target", target] => Box::new(move || dist::make_program(target)),
@@ -215,7 +215,8 @@ mod tests {
         let text = std::fs::read_to_string(super::run::root().join(WORKFLOW)).unwrap();
         let tasks: Vec<String> = text
             .lines()
-            .filter_map(|line| line.trim().strip_prefix("- run: cargo xtask "))
+            .filter_map(|line| line.trim().strip_prefix("- run: "))
+            .filter_map(|line| line.trim_start_matches("env -u CI ").strip_prefix("cargo xtask "))
             .map(|task| task.replace("${{ matrix.target }}", "TARGET"))
             .collect();
         for task in &tasks {

@@ -9,20 +9,22 @@ use serde_json::Value;
 use crate::run::{Result, cargo, command, output, run, target_folder};
 use crate::setup;
 
-/// What a manifest says of its package, beside its name.
+/// What a manifest says of its package, besides its name.
 const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version", "keywords", "categories"];
 
 /// The archive of each can be made, and its manifest leaves nothing out.
 pub fn check() -> Result {
     let published = published()?;
     published.iter().try_for_each(metadata)?;
-    archives(&published, &["--no-verify"]).map(drop)
+    published.iter().try_for_each(license)?;
+    archives(&published, &["--no-verify", "--allow-dirty"]).map(drop)
 }
 
-/// Builds the packages with the oldest compiler that their manifests promise.
-pub fn build_with_oldest_compiler() -> Result {
+/// Checks that the packages compile with the oldest compiler that their manifests promise.
+pub fn check_with_oldest_compiler() -> Result {
     let published = published()?;
-    let oldest = published.first().and_then(|manifest| manifest["rust_version"].as_str()).unwrap_or_default();
+    let oldest = published.first().and_then(|manifest| manifest["rust_version"].as_str());
+    let oldest = oldest.ok_or("Cargo.toml does not say: rust-version")?;
     setup::add_compiler(oldest)?;
     let mut check = command("rustup", &["run", oldest, "cargo", "check", "--locked"]);
     for manifest in &published {
@@ -32,9 +34,9 @@ pub fn build_with_oldest_compiler() -> Result {
     run(check.env("CARGO_TARGET_DIR", target_folder().join("oldest")))
 }
 
-/// Archives of the packages, the library's as the first; with `--no-verify` without a build of what is in them.
+/// Archives of the packages, as `cargo package` makes them with these options.
 pub fn archives(published: &[Value], options: &[&str]) -> Result<Vec<PathBuf>> {
-    let mut package = cargo(&["package", "--locked", "--allow-dirty"]);
+    let mut package = cargo(&["package", "--locked"]);
     package.args(options);
     for manifest in published {
         package.args(["--package", name(manifest)]);
@@ -90,6 +92,14 @@ pub fn unpack(archive: &[u8], folder: &Path) -> Result<PathBuf> {
     tar::Archive::new(GzDecoder::new(archive)).unpack(folder).map_err(failed)?;
     let entry = fs::read_dir(folder).map_err(failed)?.next();
     Ok(entry.ok_or_else(|| format!("{}: an empty package", folder.display()))?.map_err(failed)?.path())
+}
+
+/// An error where a package comes without the text of its license.
+fn license(manifest: &Value) -> Result {
+    match folder(manifest).map(|folder| folder.join("LICENSE")) {
+        Some(text) if text.exists() => Ok(()),
+        _ => Err(format!("{} has no LICENSE: a link to that of the root is enough", name(manifest))),
+    }
 }
 
 /// An error where a manifest leaves out what a registry shows.

@@ -7,6 +7,9 @@ use crate::python_environment::{DIST, OLDEST, TESTS};
 use crate::run::{Result, cargo, output, root, run, target_folder};
 use crate::setup;
 
+/// What the wheel has of the licenses of what is linked, where it is for others: it stands there while such a wheel is built.
+const THIRD_PARTY: &str = "python/package/rotorlead/THIRD-PARTY.txt";
+
 /// Builds the wheel that is given to others, and says where it is.
 pub fn build() -> Result {
     setup::python()?;
@@ -15,14 +18,24 @@ pub fn build() -> Result {
     Ok(())
 }
 
-/// Puts the wheel that runs on Linux systems as old as glibc 2.17, and the sources that pip builds one of, into a folder.
-pub fn release(into: &Path) -> Result {
+/// Puts the wheel, which on Linux runs with glibc 2.17 and later, and the sources that pip builds one of, into a folder. The wheel has
+/// `third_party` in it.
+pub fn release(third_party: &[u8], into: &Path) -> Result {
+    let text = root().join(THIRD_PARTY);
+    let failed = |error: std::io::Error| format!("{THIRD_PARTY}: {error}");
+    std::fs::write(&text, third_party).map_err(failed)?;
+    let wheel = release_wheel(into);
+    std::fs::remove_file(&text).map_err(failed)?;
+    wheel?;
+    run(DIST.tool("maturin", &["sdist", "--manifest-path", "python/Cargo.toml", "--out"]).arg(into))
+}
+
+fn release_wheel(into: &Path) -> Result {
     let mut wheel = DIST.tool("maturin", &["build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
     if cfg!(target_os = "linux") {
         wheel.args(["--zig", "--compatibility", "manylinux2014"]);
     }
-    run(DIST.on_path(&mut wheel).arg("--out").arg(into))?;
-    run(DIST.tool("maturin", &["sdist", "--manifest-path", "python/Cargo.toml", "--out"]).arg(into))
+    run(DIST.on_path(&mut wheel).arg("--out").arg(into))
 }
 
 /// Builds a wheel of the tests' profile, installs it, and holds it to its types and to the command line.

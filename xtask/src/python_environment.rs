@@ -4,14 +4,14 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use crate::run::{Result, command, output, root, run_within, target_folder};
+use crate::run::{Result, command, output, path_with, root, run_within, target_folder};
 
 /// The oldest Python that loads the module: PyO3's feature `abi3-py39`.
 pub const OLDEST: (u32, u32) = (3, 9);
 /// Debian's packages of it.
 pub const DEBIAN_PACKAGES: [&str; 2] = ["python3", "python3-venv"];
-/// Longest that a download may take.
-const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
+/// Longest that a download may take. A server that cannot be reached must not hang the tests.
+pub const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 
 /// Where the tests run, and what they take.
 pub const TESTS: Environment = Environment { folder: "python", requirements: "python/tests/requirements.txt" };
@@ -70,8 +70,7 @@ impl Environment {
 
     /// Lets a program of it find the others.
     pub fn on_path<'a>(&self, tool: &'a mut Command) -> &'a mut Command {
-        let path = std::env::var("PATH").unwrap_or_default();
-        tool.env("PATH", format!("{}:{path}", self.programs().display()))
+        tool.env("PATH", path_with(&self.programs()))
     }
 
     /// Where its programs are.

@@ -7,7 +7,7 @@ use crate::run::{Result, root, run};
 use crate::sum::sha256;
 use crate::tools::SEMVER_CHECKS;
 
-/// The package.
+/// The package of the library.
 const PACKAGE: &str = "rotorlead";
 /// The feature that brings all of its interface that a host can build.
 const FEATURE: &str = "controller";
@@ -22,7 +22,7 @@ pub fn check() -> Result {
     }
     let archive = read(KEPT)?;
     if read(SUM)? != line(&archive).into_bytes() {
-        return Err(format!("{KEPT} has another sum than {SUM} says: take both from one commit"));
+        return Err(format!("{KEPT} does not have the sum in {SUM}: take both from one commit"));
     }
     // Outside of the workspace, to which it would belong else.
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
@@ -42,7 +42,7 @@ pub fn freeze() -> Result {
     Ok(())
 }
 
-/// What the sum's file says of the archive.
+/// What the file of the sum holds for an archive.
 fn line(archive: &[u8]) -> String {
     format!("{}  rotorlead.crate\n", sha256(archive))
 }

@@ -4,20 +4,17 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
 
 use ::emulator::rp2040;
 
 use crate::board;
-use crate::python_environment::{DIST, TESTS};
+use crate::python_environment::{DIST, DOWNLOAD_LIMIT, TESTS};
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
 use crate::tools::{self, Tool};
 use crate::{apt, emulator, python_environment, web};
 
 /// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
 pub const SMALLEST_CORE: &str = "thumbv6m-none-eabi";
-/// Longest that a download may take. A server that cannot be reached must not hang the tests.
-const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 /// Debian's compiler that comes with the source of its library, and a linker.
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
 /// Where that compiler and its library's source are.
@@ -195,8 +192,7 @@ fn python_needs() -> [Need; 2] {
 
 /// An error where Python or what builds its package is missing.
 pub fn python() -> Result {
-    let missing: Vec<String> =
-        python_needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    let missing = missing(python_needs());
     if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
 }
 
@@ -226,7 +222,8 @@ fn dist_needs() -> Vec<Need> {
         is_there: Box::new(|| DIST.has_packages()),
         install: Box::new(|| DIST.install_packages()),
     };
-    [page, environment].into_iter().chain([&tools::ABOUT, &tools::CYCLONEDX].map(tool)).collect()
+    let [python, _] = python_needs();
+    [page, python, environment].into_iter().chain([&tools::ABOUT, &tools::CYCLONEDX].map(tool)).collect()
 }
 
 /// A tool that cargo compiles.
@@ -236,8 +233,7 @@ fn tool(tool: &'static Tool) -> Need {
 
 /// An error that names what is missing of that which makes the program of a release.
 pub fn dist() -> Result {
-    let missing: Vec<String> =
-        dist_needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    let missing = missing(dist_needs());
     if missing.is_empty() {
         Ok(())
     } else {
@@ -268,8 +264,13 @@ fn install(needs: impl IntoIterator<Item = Need>) -> Result {
 
 /// An error that names what is missing, and how it is installed. Changes nothing.
 pub fn check() -> Result {
-    let missing: Vec<String> = needs()?.into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    let missing = missing(needs()?);
     if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
+}
+
+/// Names of what is not there.
+fn missing(needs: impl IntoIterator<Item = Need>) -> Vec<String> {
+    needs.into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect()
 }
 
 fn missing_error(missing: &[String]) -> String {

@@ -38,9 +38,7 @@ fn the_samples_are_read_without_a_question_and_show_what_is_said_of_them() {
     let state = |measured: &str| stand.json(&format!("identify {measured}"))["judgement"]["state"].clone();
     assert_eq!(state("staircase.csv"), "measure again");
     stand.run("import staircase.csv --out stand");
-    stand.run("import second-run.csv --append --out stand");
-    let described = stand.read("stand/experiment.toml") + "role = \"validate\"\n";
-    stand.write("stand/experiment.toml", described);
+    stand.run("import second-run.csv --append --role validate --out stand");
     assert_eq!(state("stand"), "ready");
     let named = |log: &str| {
         stand.run(&format!("import {log} --out {log}-folder"));
@@ -60,7 +58,7 @@ fn the_samples_are_read_without_a_question_and_show_what_is_said_of_them() {
 fn a_file_of_another_kind_is_replaced_by_force_alone_and_a_sample_by_its_like() {
     let stand = Stand::empty();
     stand.write("staircase.csv", "time_s,command,thrust_n\n0,0.4,1\n");
-    let parts = ["`staircase.csv` of NAME exists", "a sample would replace it", "--force"];
+    let parts = ["`staircase.csv` exists", "a sample would replace it", "another file with --out", "--force"];
     stand.refuses("sample staircase.csv", 1, &parts);
     let parts = ["`staircase.csv` of --out exists", "a sample would replace it", "--force"];
     stand.refuses("sample hidden.csv --out staircase.csv", 1, &parts);

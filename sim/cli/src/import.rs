@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::log_arguments::{LogArguments, bytes, logs_text, responses};
 use super::outcome::{JsonOption, Outcome};
+use super::parameters::RoleArgument;
 use super::progress;
 
 /// Takes logs of other tools as an experiment
@@ -49,6 +50,9 @@ pub struct Import {
     /// The command was logged apart, on another clock: take the log without it. `rotorlead identify --align` merges the two
     #[arg(long, conflicts_with_all = ["pulse_us", "append"])]
     no_command: bool,
+    /// What the records are for; the tools choose unless given
+    #[arg(long, value_enum, conflicts_with = "fleet")]
+    role: Option<RoleArgument>,
     /// Which of the two is the response, where a log has both; the summary says which it is and why
     #[arg(long, alias = "output", value_name = "RESPONSE", value_parser = responses())]
     response: Option<Output>,
@@ -86,6 +90,8 @@ impl Import {
         if let (None, [_, _, ..], Some(folder)) = (&self.name, &self.files[..], self.out.file_name()) {
             logs.experiment.name = folder.to_string_lossy().into_owned();
         }
+        let role = self.role.map(RoleArgument::role);
+        logs.experiment.records.iter_mut().for_each(|record| record.role = role);
         let text = logs_text(&logs);
         let Logs { experiment, summaries, findings } = logs;
         let is_added = self.write(experiment, is_added)?;

@@ -2,11 +2,31 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead_design::Setting;
+use rotorlead_records::Role;
 use rotorlead_records::files::AcceptedRange;
 use rotorlead_results::{DesignRequest, Kind};
 use rotorlead_vehicle::Purpose;
 
 use super::UsageError;
+
+/// [`Role`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum RoleArgument {
+    /// To be fitted
+    Fit,
+    /// To be kept out of the fit
+    Validate,
+}
+
+impl RoleArgument {
+    /// What is meant.
+    pub const fn role(self) -> Role {
+        match self {
+            Self::Fit => Role::Fit,
+            Self::Validate => Role::Validate,
+        }
+    }
+}
 
 /// The parameters of a design.
 #[derive(Args, Clone, Debug)]

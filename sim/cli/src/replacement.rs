@@ -35,14 +35,15 @@ const BEGINNING: u64 = 1000;
 
 /// A file that would be lost.
 #[derive(Debug, Error, Diagnostic)]
-#[error("`{}` of {option} exists and is {found}; {written} would replace it", path.display())]
+#[error("`{}` {origin}exists and is {found}; {written} would replace it", path.display())]
 #[diagnostic(help("name another {place}, or give --force to replace it"))]
 pub(super) struct ReplacementRefused {
     path: PathBuf,
-    option: String,
+    /// Which option names the path, where one does.
+    origin: String,
     found: &'static str,
     written: &'static str,
-    /// What the option names.
+    /// What is to be named instead.
     place: &'static str,
 }
 
@@ -58,7 +59,17 @@ pub(super) fn generator() -> String {
 }
 
 /// Refuses to replace a file that no output of this option of the command can be. A folder is filled by rules of its own.
-pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> Result<(), ReplacementRefused> {
+pub(super) fn check(path: &Path, option: &str, output: (&str, &str)) -> Result<(), ReplacementRefused> {
+    check_at(path, format!("of {option} "), "file", output)
+}
+
+/// As [`check`], with what an error says of where the path is from, and of what is to be named instead.
+fn check_at(
+    path: &Path,
+    origin: String,
+    place: &'static str,
+    (command, id): (&str, &str),
+) -> Result<(), ReplacementRefused> {
     let kinds: &[&'static str] = match (command, id) {
         (_, "json") => &[JSON],
         (_, "report") | ("report", "out") => &[REPORT],
@@ -81,23 +92,17 @@ pub(super) fn check(path: &Path, option: &str, (command, id): (&str, &str)) -> R
         return Ok(());
     }
     let found = found.unwrap_or(UNKNOWN);
-    Err(ReplacementRefused {
-        path: path.to_owned(),
-        option: option.to_owned(),
-        found,
-        written: kinds[0],
-        place: "file",
-    })
+    Err(ReplacementRefused { path: path.to_owned(), origin, found, written: kinds[0], place })
 }
 
-/// Refuses to put a report in the place of another file.
-pub(super) fn check_report(path: &Path, option: &str) -> Result<(), ReplacementRefused> {
-    check(path, option, ("", "report"))
+/// Refuses to put a report that `--report` does not name in the place of another file.
+pub(super) fn check_unnamed_report(path: &Path) -> Result<(), ReplacementRefused> {
+    check_at(path, String::new(), "file with --report", ("", "report"))
 }
 
-/// Refuses to put a sample in the place of another file.
-pub(super) fn check_sample(path: &Path, option: &str) -> Result<(), ReplacementRefused> {
-    check(path, option, ("sample", "out"))
+/// Refuses to put a sample that `--out` does not name in the place of another file.
+pub(super) fn check_unnamed_sample(path: &Path) -> Result<(), ReplacementRefused> {
+    check_at(path, String::new(), "file with --out", ("sample", "out"))
 }
 
 /// Whether something is lost where this is replaced. What cannot be read is refused as what cannot be written.
@@ -115,8 +120,8 @@ pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), Replacemen
     if !loses(path) || beginning(path).is_ok_and(is_own) {
         return Ok(());
     }
-    let (path, option, found) = (path.to_owned(), "--figures".to_owned(), kind(path).unwrap_or(UNKNOWN));
-    Err(ReplacementRefused { path, option, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
+    let (path, origin, found) = (path.to_owned(), "of --figures ".to_owned(), kind(path).unwrap_or(UNKNOWN));
+    Err(ReplacementRefused { path, origin, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
 }
 
 /// What a file is, where this program writes such files.

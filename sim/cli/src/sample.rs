@@ -10,7 +10,7 @@ use rotorlead_records::import::shell_word;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
-use super::replacement::{check_sample, written_to};
+use super::replacement::{check_unnamed_sample, written_to};
 
 /// Writes a log to try the program on, or lists those that it has
 ///
@@ -36,7 +36,7 @@ pub(super) enum SampleLog {
     /// A staircase of the throttle on a thrust stand, simulated: all that a log alone can tell
     #[value(name = "staircase.csv", alias = "staircase")]
     Staircase,
-    /// A second run of that motor, simulated: held out, it makes of "measure again" a "ready"
+    /// A second run of that motor, simulated: held out of the fit, it turns "measure again" into "ready"
     #[value(name = "second-run.csv", alias = "second-run")]
     SecondRun,
     /// The same motor behind an ESC with a setting that nobody knows of, simulated: for the diagnosis to find
@@ -63,7 +63,13 @@ impl SampleLog {
         match self {
             Self::Staircase => &["rotorlead report staircase.csv --open"],
             Self::SecondRun => {
-                &["rotorlead import staircase.csv --out stand", "rotorlead import second-run.csv --append --out stand"]
+                // The first run is the sample above.
+                &[
+                    "rotorlead sample staircase.csv",
+                    "rotorlead import staircase.csv --out stand",
+                    "rotorlead import second-run.csv --append --role validate --out stand",
+                    "rotorlead identify stand",
+                ]
             }
             Self::Hidden => &["rotorlead report hidden.csv --open"],
             Self::Chirp => &["rotorlead identify chirp.bin"],
@@ -81,11 +87,10 @@ impl SampleLog {
 
     /// Whether a file is one of them, so that nothing is lost with it.
     pub(super) fn is_one(path: &Path) -> bool {
-        let length = path.metadata().map_or(0, |file| file.len());
-        let alike = |log: &&Self| log.bytes().len() as u64 == length;
-        Self::value_variants().iter().find(alike).is_some_and(|_| {
-            std::fs::read(path).is_ok_and(|found| Self::value_variants().iter().any(|log| log.bytes() == found))
-        })
+        let largest = Self::value_variants().iter().map(|log| log.bytes().len() as u64).max();
+        // A log of gigabytes is not read for that.
+        path.metadata().is_ok_and(|file| Some(file.len()) <= largest)
+            && std::fs::read(path).is_ok_and(|found| Self::value_variants().iter().any(|log| log.bytes() == found))
     }
 }
 
@@ -97,9 +102,9 @@ impl Sample {
 
     fn write(&self, log: SampleLog) -> miette::Result<Outcome> {
         let own_name = PathBuf::from(log.name());
-        let (out, option) = self.out.as_ref().map_or((&own_name, "NAME"), |out| (out, "--out"));
-        if !self.force {
-            check_sample(out, option)?;
+        let out = self.out.as_ref().unwrap_or(&own_name);
+        if self.out.is_none() && !self.force {
+            check_unnamed_sample(out)?;
         }
         check_writable(out)?;
         let written = written_to(out);

@@ -57,7 +57,7 @@ impl Serve {
     /// Runs the command, until the program is ended.
     pub fn run(&self) -> miette::Result<()> {
         if FILES.is_empty() {
-            let help = "`cargo xtask build --web` builds the page, and a program with it; any web server serves its folder, too";
+            let help = "a release's archive has a program with the page; from the sources, `cargo xtask build --web` builds both. Any web server serves the page's folder, too";
             return Err(miette!(help = help, "this program was built without the page"));
         }
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port));

@@ -1,9 +1,9 @@
-//! What the program says to who asks nothing of it: how to begin.
+//! What the program prints where no command is given: how to start.
 
-/// Commands to begin with, in this order, and what each does.
+/// Commands to start with, in this order, and what each does.
 pub(super) const COMMANDS: [(&str, &str); 3] = [
     ("rotorlead sample staircase.csv", "write a log of a simulated thrust stand"),
-    ("rotorlead report staircase.csv --open", "show what it says, or a log of your own"),
+    ("rotorlead report staircase.csv --open", "read it, or a log of your own"),
     ("rotorlead demo --open", "see the method work; all else: --help"),
 ];
 

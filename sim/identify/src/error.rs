@@ -250,7 +250,9 @@ pub enum IdentifyError {
     },
     /// Several records of steps, of which one is fitted.
     #[error("{experiment}: {count} step or staircase records without a role, and one model")]
-    #[diagnostic(help("give the one to fit role = \"fit\" in experiment.toml, and the others role = \"validate\""))]
+    #[diagnostic(help(
+        "give the one to fit role = \"fit\" in experiment.toml, and the others role = \"validate\", as `rotorlead import --role` does"
+    ))]
     SeveralSteps {
         /// The experiment's name.
         experiment: String,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 pub use source::resolved;
 
-use crate::run::{Result, root, target_folder};
+use crate::run::{Result, remove, root, target_folder};
 use crate::setup;
 
 /// Builds the site into `book` in cargo's target folder, and gives that. Where a page or a link is wrong, the last site stays.
@@ -30,14 +30,6 @@ pub fn build() -> Result<PathBuf> {
     fs::rename(&built, &site).map_err(|error| format!("{}: {error}", site.display()))?;
     println!("{pages} pages: {}", site.join("index.html").display());
     Ok(site)
-}
-
-/// Removes a folder, if there is one.
-fn remove(folder: &Path) -> Result {
-    match fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {error}", folder.display())),
-        _ => Ok(()),
-    }
 }
 
 /// Every file below a folder.

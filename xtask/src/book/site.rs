@@ -141,14 +141,14 @@ mod tests {
     /// What is wrong with a site of a page with this body, one with the section `there`, and a style sheet.
     fn checked(body: &str, css: &str) -> Result<usize, String> {
         let site = crate::run::target_folder().join(format!("site-test-{:?}", std::thread::current().id()));
-        super::super::remove(&site).unwrap();
+        crate::run::remove(&site).unwrap();
         fs::create_dir_all(site.join("more")).unwrap();
         let head = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"><link href=\"a.css\">");
         fs::write(site.join("a.html"), format!("{head}{body}")).unwrap();
         fs::write(site.join("more/b.html"), head.replace("a.css", "../a.css") + "<h2 id=\"there\">").unwrap();
         fs::write(site.join("a.css"), css).unwrap();
         let result = check(&site);
-        super::super::remove(&site).unwrap();
+        crate::run::remove(&site).unwrap();
         result
     }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::files;
 use crate::run::Result;
 
-/// Folder of the pages, and in it the index and the folder of what mdbook is told.
+/// Folder of the pages, and in it the index and the folder of settings of mdbook.
 const DOCS: &str = "docs";
 const INDEX: &str = "docs/SUMMARY.md";
 const SETTINGS: &str = "docs/site";
@@ -137,7 +137,7 @@ mod tests {
     /// The site's source of a repository with these files, beside a page that the index names.
     fn gathered(page: &str, others: &[(&str, &str)]) -> Result<String, String> {
         let root = crate::run::target_folder().join(format!("book-test-{:?}", std::thread::current().id()));
-        super::super::remove(&root).unwrap();
+        crate::run::remove(&root).unwrap();
         let index = "- [A](a.md)\n- [B](commands/README.md)\n- [C](../SECURITY.md)\n";
         let files = [
             ("docs/SUMMARY.md", index),
@@ -151,7 +151,7 @@ mod tests {
         let result = gather(&root, &root.join("built"));
         let source = |file: &str| fs::read_to_string(root.join("built/src").join(file)).unwrap();
         let found = result.map(|()| ["a.md", "commands/index.md", "SECURITY.md"].map(source).concat());
-        super::super::remove(&root).unwrap();
+        crate::run::remove(&root).unwrap();
         found
     }
 

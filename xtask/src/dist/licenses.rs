@@ -32,8 +32,8 @@ pub fn texts(package: &str, target: &str) -> Result<Vec<u8>> {
     read(&text)
 }
 
-/// Those of what is in the program and is no code of a crate: the font, and what shows figures.
-pub fn texts_beside_crates() -> Result<Vec<u8>> {
+/// Texts of the licenses of what is in the program and is no code of a crate: the font, and what shows figures.
+pub fn asset_texts() -> Result<Vec<u8>> {
     let (name, path) = FONT;
     let font = read(&crate_folder(name)?.join(path))?;
     let plotter = read(&root().join(PLOTTER))?;

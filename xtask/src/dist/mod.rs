@@ -14,14 +14,17 @@ use archive::Files;
 pub use trial::run as try_it;
 
 use crate::board::{self, Board};
-use crate::run::{Result, target_folder};
+use crate::run::{Result, remove, root, target_folder};
 use crate::sum::sha256;
 use crate::{book, firmware, packages, python, setup, web};
 
 /// The package whose version is the release's.
 const PACKAGE: &str = "rotorlead";
-/// Package of the page.
+/// Packages of the page, and of the Python module.
 const PAGE_PACKAGE: &str = "rotorlead-web";
+const PYTHON_PACKAGE: &str = "rotorlead-python";
+/// The project's own.
+const LICENSE: &str = "LICENSE";
 /// The sums of all files, as `sha256sum --check` takes them.
 const SUMS: &str = "SHA256SUMS";
 
@@ -30,16 +33,18 @@ const SUMS: &str = "SHA256SUMS";
 pub fn make() -> Result {
     setup::check()?;
     setup::dist()?;
-    let (folder, version) = (empty_folder()?, version()?);
+    let (new, version) = (NewFolder::create()?, version()?);
+    let folder = new.path();
     let host = program::host()?;
     let published = packages::published()?;
     timed("packages", || {
         let archives = packages::archives(&published, &["--no-verify"])?;
         archives.iter().try_for_each(|archive| copy(archive, &folder.join("crates")))
     })?;
-    timed("images", || board::all()?.iter().try_for_each(|board| image(board, &version, &folder)))?;
+    timed("images", || board::all()?.iter().try_for_each(|board| image(board, &version, folder)))?;
     timed("documentation", || {
         let mut files = Files::default();
+        files.add("LICENSE", read(&root().join(LICENSE))?);
         files.add_folder("docs", &book::build()?)?;
         let top = format!("rotorlead-{version}-docs");
         write(&folder.join(format!("{top}.tar.gz")), &files.tar_gz(&top)?)
@@ -47,24 +52,26 @@ pub fn make() -> Result {
     let page = timed("page", web::page)?;
     timed("page's archive", || {
         let mut files = Files::default();
+        files.add("LICENSE", read(&root().join(LICENSE))?);
         files.add_folder("web", &page)?;
         files.add("THIRD-PARTY.txt", licenses::texts(PAGE_PACKAGE, web::TARGET)?);
         let top = format!("rotorlead-{version}-web");
         write(&folder.join(format!("{top}.tar.gz")), &files.tar_gz(&top)?)
     })?;
-    timed("program", || program::archive(&host, &version, &page, &folder))?;
+    timed("program", || program::archive(&host, &version, &page, folder))?;
     timed("list of what is linked", || {
-        write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list("rotorlead-cli", &host)?)
+        write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list(program::PACKAGE, &host)?)
     })?;
-    timed("Python package", || python::release(&folder))?;
-    sums(&folder)
+    timed("Python package", || python::release(&licenses::texts(PYTHON_PACKAGE, &host)?, folder))?;
+    sums(folder)?;
+    new.replace()
 }
 
-/// The program for another target alone, and its sum.
+/// Puts the program for another target among what is there of a release.
 pub fn make_program(target: &str) -> Result {
     setup::dist()?;
     setup::add_system(target)?;
-    let (folder, version) = (empty_folder()?, version()?);
+    let (folder, version) = (folder(), version()?);
     let page = timed("page", web::page)?;
     timed("program", || program::archive(target, &version, &page, &folder))?;
     sums(&folder)
@@ -84,14 +91,12 @@ fn image(board: &'static Board, version: &str, folder: &Path) -> Result {
 /// Writes the sums of all files in a folder and in its folders, and prints them.
 fn sums(folder: &Path) -> Result {
     let mut lines = String::new();
-    for name in names(folder, "")? {
+    for name in names(folder, "")?.into_iter().filter(|name| name != SUMS) {
         let bytes = read(&folder.join(&name))?;
         println!("{:>11} {name}", bytes.len());
         lines += &format!("{}  {name}\n", sha256(&bytes));
     }
-    write(&folder.join(SUMS), lines.as_bytes())?;
-    println!("{}", folder.display());
-    Ok(())
+    write(&folder.join(SUMS), lines.as_bytes())
 }
 
 /// Names of the files in a folder and in its folders, sorted.
@@ -111,15 +116,33 @@ fn names(folder: &Path, prefix: &str) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The folder of a release, without what an earlier one left.
-fn empty_folder() -> Result<PathBuf> {
-    let folder = target_folder().join("dist");
-    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
-    if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(failed)?;
+/// Where a release is.
+fn folder() -> PathBuf {
+    target_folder().join("dist")
+}
+
+/// A release that is being made. The last one stays until this one is whole.
+struct NewFolder(PathBuf);
+
+impl NewFolder {
+    fn create() -> Result<Self> {
+        let folder = target_folder().join("dist-new");
+        remove(&folder)?;
+        fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        Ok(Self(folder))
     }
-    fs::create_dir_all(&folder).map_err(failed)?;
-    Ok(folder)
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// Puts it in the place of the last one.
+    fn replace(self) -> Result {
+        remove(&folder())?;
+        fs::rename(&self.0, folder()).map_err(|error| format!("{}: {error}", folder().display()))?;
+        println!("{}", folder().display());
+        Ok(())
+    }
 }
 
 fn version() -> Result<String> {

@@ -9,7 +9,7 @@ use crate::python_environment::DIST;
 use crate::run::{Result, cargo, command, output, root, run, target_folder};
 
 /// The package, and the program in it.
-const PACKAGE: &str = "rotorlead-cli";
+pub const PACKAGE: &str = "rotorlead-cli";
 const PROGRAM: &str = "rotorlead";
 /// Targets that zig links from any system, and what it calls them: with the oldest glibc that both Rust and it know.
 const LINKED_BY_ZIG: [(&str, &str); 3] = [
@@ -18,8 +18,8 @@ const LINKED_BY_ZIG: [(&str, &str); 3] = [
     ("x86_64-pc-windows-gnu", "x86_64-pc-windows-gnu"),
 ];
 /// What stands beside the program, from the root of the sources.
-const PAGES: [&str; 4] = ["README.md", "LICENSE", "CHANGELOG.md", "SECURITY.md"];
-/// What the README leads to.
+const PAGES: [&str; 5] = ["README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
+/// The pages that they lead to.
 const DOCUMENTATION: &str = "docs";
 /// Shells, and where the script of each is looked for.
 const COMPLETIONS: [(&str, &str); 5] = [
@@ -41,7 +41,7 @@ pub fn archive(target: &str, version: &str, page: &Path, into: &Path) -> Result 
         files.add(name, read(&root().join(name))?);
     }
     files.add_folder(DOCUMENTATION, &root().join(DOCUMENTATION))?;
-    files.add("THIRD-PARTY.txt", [licenses::texts(PACKAGE, target)?, licenses::texts_beside_crates()?].concat());
+    files.add("THIRD-PARTY.txt", [licenses::texts(PACKAGE, target)?, licenses::asset_texts()?].concat());
     // What the program says of itself is the same on every target.
     let program = if target == host()? { program } else { debug_program()? };
     for (shell, file) in COMPLETIONS {

@@ -7,12 +7,10 @@ use std::time::Instant;
 
 use tempfile::TempDir;
 
-use super::{names, program, read};
+use super::{folder, names, program, read, version};
 use crate::packages;
-use crate::run::{Result, command, output, root, target_folder};
+use crate::run::{Result, command, output, path_with, root};
 
-/// The package with the program.
-const PACKAGE: &str = "rotorlead-cli";
 /// What is typed first with a program that has just been installed.
 const FIRST: [&[&str]; 4] = [
     &["--version"],
@@ -21,17 +19,24 @@ const FIRST: [&[&str]; 4] = [
     &["design", "model.toml", "--out", "compensator.toml"],
 ];
 
+/// What the Python package is tried on, and how.
+const SAMPLE: &str = "sim/cli/samples/staircase.csv";
+const EXAMPLE: &str = "python/example.py";
+const IDENTIFY: &str =
+    "import rotorlead; print(rotorlead.identify(rotorlead.Records.from_log('staircase.csv')).headline)";
+
 /// From the packages for a registry, from the archive, and from the wheel.
 pub fn run() -> Result {
-    let folder = target_folder().join("dist");
+    let folder = folder();
     let names = names(&folder, "").map_err(|error| format!("{error}: `cargo xtask dist` makes it"))?;
     let named = |end: &str| {
         let found = names.iter().find(|name| name.ends_with(end)).map(|name| folder.join(name));
         found.ok_or_else(|| format!("{}: nothing that ends in {end}: `cargo xtask dist` makes it", folder.display()))
     };
     archive(&named(&format!("{}.tar.gz", program::host()?))?)?;
-    wheel(&named(".whl")?)?;
-    packages(&folder.join("crates"))
+    python("wheel", &named(".whl")?)?;
+    python("Python sources", &named(&format!("rotorlead-{}.tar.gz", version()?))?)?;
+    from_packages(&folder.join("crates"))
 }
 
 /// A user's machine.
@@ -70,9 +75,8 @@ impl Home {
     /// A program that finds in this home what it would find in a user's.
     fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
-        let path = std::env::var("PATH").unwrap_or_default();
         command.current_dir(self.path()).env("HOME", self.path()).env("CARGO_HOME", self.path().join(".cargo"));
-        command.env("PATH", format!("{}:{path}", self.programs.display())).env_remove("CARGO_TARGET_DIR");
+        command.env("PATH", path_with(&self.programs)).env_remove("CARGO_TARGET_DIR");
         command
     }
 
@@ -91,18 +95,22 @@ fn archive(path: &Path) -> Result {
     home.first()
 }
 
-/// The wheel, in an environment of Python.
-fn wheel(path: &Path) -> Result {
-    let home = Home::new("wheel", "venv/bin")?;
+/// The Python package, in an environment of its own.
+fn python(title: &str, path: &Path) -> Result {
+    let home = Home::new(title, "venv/bin")?;
     home.run("python3", &["-m", "venv", "venv"])?;
     home.run("pip", &["install", "--quiet", &path.to_string_lossy(), "matplotlib"])?;
-    fs::copy(root().join("python/example.py"), home.path().join("example.py"))
-        .map_err(|error| format!("python/example.py: {error}"))?;
+    for file in [SAMPLE, EXAMPLE] {
+        let from = root().join(file);
+        let to = home.path().join(from.file_name().unwrap_or_default());
+        fs::copy(from, to).map_err(|error| format!("{file}: {error}"))?;
+    }
+    home.run("python", &["-c", IDENTIFY])?;
     home.run("python", &["example.py", "figure.png"])
 }
 
 /// The program, compiled from the packages as `cargo install` does it from a registry.
-fn packages(folder: &Path) -> Result {
+fn from_packages(folder: &Path) -> Result {
     let home = Home::new("packages", ".cargo/bin")?;
     let mut options = Vec::new();
     let mut manifest = None;
@@ -110,13 +118,14 @@ fn packages(folder: &Path) -> Result {
         let to = home.path().join("packages").join(&name);
         let package = packages::unpack(&read(&folder.join(&name))?, &to)?;
         let package_name = name.rsplit_once('-').map_or(&*name, |(package_name, _)| package_name);
-        if package_name == PACKAGE {
+        if package_name == program::PACKAGE {
             manifest = Some(package);
         } else {
             options.push(format!("patch.crates-io.{package_name}.path={:?}", package.display().to_string()));
         }
     }
-    let manifest = manifest.ok_or_else(|| format!("{}: no {PACKAGE}", folder.display()))?.display().to_string();
+    let manifest =
+        manifest.ok_or_else(|| format!("{}: no {}", folder.display(), program::PACKAGE))?.display().to_string();
     let rustc = output(&mut command("rustc", &["--version"])).unwrap_or_default();
     println!("# {}", rustc.trim());
     let mut arguments = vec!["install", "--path", &manifest];

@@ -11,16 +11,16 @@ use rotorlead_device::{
 };
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
+use rotorlead_records::Excitation;
 use rotorlead_records::files::AcceptedRange;
 use rotorlead_records::import::motor_poles;
-use rotorlead_records::{Excitation, Role};
 use serde_json::json;
 use thiserror::Error;
 
 use super::folder::ExperimentFolder;
 use crate::UsageError;
 use crate::outcome::Outcome;
-use crate::parameters::number;
+use crate::parameters::{RoleArgument, number};
 use crate::progress;
 
 /// What measures the response.
@@ -104,15 +104,6 @@ enum ExcitationArgument {
     Free,
 }
 
-/// [`Role`] on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RoleArgument {
-    /// To be fitted
-    Fit,
-    /// To be kept out of the fit
-    Validate,
-}
-
 /// What is said of a record that nothing can be identified from yet.
 const FREE: &str =
     "This record is `free`: before `rotorlead identify` takes it, its [[record]] in experiment.toml must say
@@ -191,10 +182,7 @@ impl Record {
         record.period_s = self.period_s;
         let found = Some(largest).filter(|&largest| excitation != Excitation::Free && largest > 0.0);
         record.amplitude = self.amplitude.or(found);
-        record.role = self.role.map(|role| match role {
-            RoleArgument::Fit => Role::Fit,
-            RoleArgument::Validate => Role::Validate,
-        });
+        record.role = self.role.map(RoleArgument::role);
         Ok(record)
     }
 
