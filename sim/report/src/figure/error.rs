@@ -1,7 +1,6 @@
 //! Why there is no picture.
 
 use miette::Diagnostic;
-use rotorlead_answer::Figure;
 use thiserror::Error;
 
 /// Why there is no picture.
@@ -28,7 +27,8 @@ pub enum FigureError {
 
 impl FigureError {
     /// Why there is no picture, in the words of a library.
-    pub(super) fn drawing(figure: &Figure, reason: impl ToString) -> Self {
+    #[cfg(feature = "drawing")]
+    pub(super) fn drawing(figure: &rotorlead_answer::Figure, reason: impl ToString) -> Self {
         Self::Drawing { name: figure.name.clone(), reason: reason.to_string() }
     }
 }
