@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::python_environment::{DIST, OLDEST, TESTS};
-use crate::run::{Result, cargo, output, root, run, target_folder};
+use crate::run::{Result, cargo, output, root, run, target_folder, without_folders};
 use crate::setup;
 
 /// What the wheel has of the licenses of what is linked, where it is for others: it stands there while such a wheel is built.
@@ -19,23 +19,24 @@ pub fn build() -> Result {
 }
 
 /// Puts the wheel, which on Linux runs with glibc 2.17 and later, and the sources that pip builds one of, into a folder. The wheel has
-/// `third_party` in it.
-pub fn release(third_party: &[u8], into: &Path) -> Result {
+/// `third_party` in it, and the list of what is linked.
+pub fn release(third_party: &[u8], sbom: &Path, into: &Path) -> Result {
     let text = root().join(THIRD_PARTY);
     let failed = |error: std::io::Error| format!("{THIRD_PARTY}: {error}");
     std::fs::write(&text, third_party).map_err(failed)?;
-    let wheel = release_wheel(into);
+    let wheel = release_wheel(sbom, into);
     std::fs::remove_file(&text).map_err(failed)?;
     wheel?;
     run(DIST.tool("maturin", &["sdist", "--manifest-path", "python/Cargo.toml", "--out"]).arg(into))
 }
 
-fn release_wheel(into: &Path) -> Result {
+fn release_wheel(sbom: &Path, into: &Path) -> Result {
     let mut wheel = DIST.tool("maturin", &["build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
     if cfg!(target_os = "linux") {
         wheel.args(["--zig", "--compatibility", "manylinux2014"]);
     }
-    run(DIST.on_path(&mut wheel).arg("--out").arg(into))
+    wheel.arg("--sbom-include").arg(sbom).arg("--out").arg(into);
+    run(without_folders(DIST.on_path(&mut wheel)))
 }
 
 /// Builds a wheel of the tests' profile, installs it, and holds it to its types and to the command line.

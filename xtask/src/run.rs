@@ -50,6 +50,16 @@ pub fn path_with(folder: &Path) -> OsString {
     std::env::join_paths(folders).unwrap_or(path)
 }
 
+/// Has a build leave out of its product where this machine keeps sources: panics name their files.
+pub fn without_folders(build: &mut Command) -> &mut Command {
+    let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let cargo = cargo.or_else(|| std::env::home_dir().map(|home| home.join(".cargo"))).unwrap_or_default();
+    let folders = [(root(), "rotorlead"), (&cargo, "cargo")];
+    let flags = folders.map(|(folder, name)| format!("--remap-path-prefix={}={name}", folder.display()));
+    // Separated so that a path may have blanks.
+    build.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"))
+}
+
 /// Removes a folder, if there is one.
 pub fn remove(folder: &Path) -> Result {
     match std::fs::remove_dir_all(folder) {

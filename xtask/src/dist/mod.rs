@@ -59,10 +59,12 @@ pub fn make() -> Result {
         write(&folder.join(format!("{top}.tar.gz")), &files.tar_gz(&top)?)
     })?;
     timed("program", || program::archive(&host, &version, &page, folder))?;
-    timed("list of what is linked", || {
-        write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list(program::PACKAGE, &host)?)
+    let python_sbom = folder.join(format!("rotorlead-{version}-python.cdx.json"));
+    timed("lists of what is linked", || {
+        write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list(program::PACKAGE, &host)?)?;
+        write(&python_sbom, &sbom::list(PYTHON_PACKAGE, &host)?)
     })?;
-    timed("Python package", || python::release(&licenses::texts(PYTHON_PACKAGE, &host)?, folder))?;
+    timed("Python package", || python::release(&licenses::texts(PYTHON_PACKAGE, &host)?, &python_sbom, folder))?;
     sums(folder)?;
     new.replace()
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::archive::Files;
 use super::licenses;
 use crate::python_environment::DIST;
-use crate::run::{Result, cargo, command, output, root, run, target_folder};
+use crate::run::{Result, beside, cargo, command, output, root, run, target_folder, without_folders};
 
 /// The package, and the program in it.
 pub const PACKAGE: &str = "rotorlead-cli";
@@ -76,8 +76,8 @@ fn build(target: &str, page: &Path) -> Result<PathBuf> {
         }
     };
     // The page is in this one alone.
-    let folder = crate::run::beside(build.env("ROTORLEAD_WEB", page), &target_folder().join("dist-build"));
-    run(&mut build)?;
+    let folder = beside(build.env("ROTORLEAD_WEB", page), &target_folder().join("dist-build"));
+    run(without_folders(&mut build))?;
     let name = if target.contains("windows") { "rotorlead.exe" } else { PROGRAM };
     Ok(folder.join(target).join("release").join(name))
 }
