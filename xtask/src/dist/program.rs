@@ -91,5 +91,5 @@ pub fn host() -> Result<String> {
 /// A program for this machine that says what another target's would.
 fn debug_program() -> Result<PathBuf> {
     run(&mut cargo(&["build", "--locked", "--package", PACKAGE, "--bin", PROGRAM]))?;
-    Ok(target_folder().join("debug").join(PROGRAM))
+    Ok(target_folder().join("debug").join(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX)))
 }
