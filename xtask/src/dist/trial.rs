@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::{folder, names, program, read, version};
 use crate::packages;
-use crate::run::{Result, command, output, path_with, root};
+use crate::run::{Result, path_with, root};
 
 /// What is typed first with a program that has just been installed.
 const FIRST: [&[&str]; 4] = [
@@ -112,26 +112,25 @@ fn python(title: &str, path: &Path) -> Result {
 /// The program, compiled from the packages as `cargo install` does it from a registry.
 fn from_packages(folder: &Path) -> Result {
     let home = Home::new("packages", ".cargo/bin")?;
-    let mut options = Vec::new();
-    let mut manifest = None;
+    let (mut manifest, mut patches) = (None, String::from("[patch.crates-io]\n"));
     for name in names(folder, "")? {
-        let to = home.path().join("packages").join(&name);
-        let package = packages::unpack(&read(&folder.join(&name))?, &to)?;
-        let package_name = name.rsplit_once('-').map_or(&*name, |(package_name, _)| package_name);
+        let name = name.trim_end_matches(".crate");
+        let package = home.path().join("packages").join(name);
+        let package = packages::unpack(&read(&folder.join(format!("{name}.crate")))?, &package)?.display().to_string();
+        let package_name = name.rsplit_once('-').map_or(name, |(package_name, _)| package_name);
         if package_name == program::PACKAGE {
             manifest = Some(package);
         } else {
-            options.push(format!("patch.crates-io.{package_name}.path={:?}", package.display().to_string()));
+            patches += &format!("{package_name}.path = {package:?}\n");
         }
     }
-    let manifest =
-        manifest.ok_or_else(|| format!("{}: no {}", folder.display(), program::PACKAGE))?.display().to_string();
-    let rustc = output(&mut command("rustc", &["--version"])).unwrap_or_default();
-    println!("# {}", rustc.trim());
-    let mut arguments = vec!["install", "--path", &manifest];
-    for option in &options {
-        arguments.extend(["--config", option]);
-    }
-    home.run("cargo", &arguments)?;
+    let manifest = manifest.ok_or_else(|| format!("{}: no {}", folder.display(), program::PACKAGE))?;
+    // In the place of the registry, for what no registry has.
+    let settings = home.path().join(".cargo");
+    fs::create_dir_all(&settings)
+        .and_then(|()| fs::write(settings.join("config.toml"), patches))
+        .map_err(|error| format!("{}: {error}", settings.display()))?;
+    home.run("rustc", &["--version"])?;
+    home.run("cargo", &["install", "--path", &manifest])?;
     home.first()
 }
