@@ -68,6 +68,22 @@ pub fn remove(folder: &Path) -> Result {
     }
 }
 
+/// Every file in a folder and in its folders, sorted.
+pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            found.extend(files_below(&path)?);
+        } else {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
 /// Runs it to the end, with what it prints for all to see.
 pub fn run(command: &mut Command) -> Result {
     announce(command);

@@ -4,7 +4,7 @@ mod site;
 mod source;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub use source::resolved;
 
@@ -30,19 +30,4 @@ pub fn build() -> Result<PathBuf> {
     fs::rename(&built, &site).map_err(|error| format!("{}: {error}", site.display()))?;
     println!("{pages} pages: {}", site.join("index.html").display());
     Ok(site)
-}
-
-/// Every file below a folder.
-fn files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.is_dir() {
-            found.extend(files(&path)?);
-        } else {
-            found.push(path);
-        }
-    }
-    Ok(found)
 }

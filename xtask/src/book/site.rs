@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 
 use html5gum::{DefaultEmitter, Token, Tokenizer};
 
-use super::files;
-use crate::run::Result;
+use crate::run::{Result, files_below};
 
 /// Attributes by which a page names another file.
 const LINKS: [&str; 6] = ["href", "src", "srcset", "poster", "data", "action"];
@@ -32,7 +31,7 @@ struct Link {
 pub fn check(site: &Path) -> Result<usize> {
     let mut pages = BTreeMap::new();
     let mut errors = Vec::new();
-    for path in files(site)? {
+    for path in files_below(site)? {
         let text = |path: &Path| fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()));
         let name = path.strip_prefix(site).unwrap_or(&path).to_string_lossy().into_owned();
         match path.extension().and_then(|end| end.to_str()) {

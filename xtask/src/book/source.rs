@@ -5,8 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use super::files;
-use crate::run::Result;
+use crate::run::{Result, files_below};
 
 /// Folder of the pages, and in it the index and the folder of settings of mdbook.
 const DOCS: &str = "docs";
@@ -49,7 +48,7 @@ pub fn gather(root: &Path, folder: &Path) -> Result {
             Err(error) => errors.push(error),
         }
     }
-    for path in files(&root.join(DOCS))? {
+    for path in files_below(&root.join(DOCS))? {
         let file = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
         if let Some(setting) = file.strip_prefix(SETTINGS) {
             write(&folder.join(setting.trim_start_matches('/')), read(&file)?.as_bytes())?;

@@ -1,7 +1,6 @@
 //! Archives that have the same bytes whenever they are made of the same files.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::{Cursor, Write as _};
 use std::path::Path;
 
@@ -9,6 +8,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use zip::write::SimpleFileOptions;
 
+use super::{names, read};
 use crate::run::Result;
 
 /// Files by their names, with `/` between folders.
@@ -40,15 +40,8 @@ impl Files {
 
     /// Adds what is in a folder, with what is in its folders, below `prefix`.
     pub fn add_folder(&mut self, prefix: &str, folder: &Path) -> Result {
-        let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
-        for entry in fs::read_dir(folder).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            let name = format!("{prefix}/{}", entry.file_name().to_string_lossy());
-            if entry.path().is_dir() {
-                self.add_folder(&name, &entry.path())?;
-            } else {
-                self.add(name, fs::read(entry.path()).map_err(failed)?);
-            }
+        for name in names(folder)? {
+            self.add(format!("{prefix}/{name}"), read(&folder.join(name))?);
         }
         Ok(())
     }

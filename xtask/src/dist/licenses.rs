@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::read;
 use crate::packages;
 use crate::run::{Result, cargo, output, root, run, target_folder};
 use crate::tools::ABOUT;
@@ -66,10 +67,6 @@ fn crate_folder(name: &str) -> Result<PathBuf> {
     let all = metadata["packages"].as_array().into_iter().flatten();
     let found = all.filter(|manifest| packages::name(manifest) == name).find_map(packages::folder);
     found.map(Path::to_owned).ok_or_else(|| format!("nothing depends on {name}: what this looks for has changed"))
-}
-
-fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use archive::Files;
 pub use trial::run as try_it;
 
 use crate::board::{self, Board};
-use crate::run::{Result, remove, root, target_folder};
+use crate::run::{Result, files_below, remove, root, target_folder};
 use crate::sum::sha256;
 use crate::{book, firmware, packages, python, setup, web};
 
@@ -74,6 +74,7 @@ pub fn make_program(target: &str) -> Result {
     setup::dist()?;
     setup::add_system(target)?;
     let (folder, version) = (folder(), version()?);
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let page = timed("page", web::page)?;
     timed("program", || program::archive(target, &version, &page, &folder))?;
     sums(&folder)
@@ -93,7 +94,7 @@ fn image(board: &'static Board, version: &str, folder: &Path) -> Result {
 /// Writes the sums of all files in a folder and in its folders, and prints them.
 fn sums(folder: &Path) -> Result {
     let mut lines = String::new();
-    for name in names(folder, "")?.into_iter().filter(|name| name != SUMS) {
+    for name in names(folder)?.into_iter().filter(|name| name != SUMS) {
         let bytes = read(&folder.join(&name))?;
         println!("{:>11} {name}", bytes.len());
         lines += &format!("{}  {name}\n", sha256(&bytes));
@@ -101,21 +102,10 @@ fn sums(folder: &Path) -> Result {
     write(&folder.join(SUMS), lines.as_bytes())
 }
 
-/// Names of the files in a folder and in its folders, sorted.
-fn names(folder: &Path, prefix: &str) -> Result<Vec<String>> {
-    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
-    let mut names = Vec::new();
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
-        if entry.path().is_dir() {
-            names.extend(self::names(&entry.path(), &format!("{name}/"))?);
-        } else {
-            names.push(name);
-        }
-    }
-    names.sort();
-    Ok(names)
+/// Names of the files in a folder and in its folders, with `/` between.
+fn names(folder: &Path) -> Result<Vec<String>> {
+    let name = |path: PathBuf| path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+    Ok(files_below(folder)?.into_iter().map(name).collect())
 }
 
 /// Where a release is.

@@ -1,10 +1,9 @@
 //! The program for one target, with the page in it, and what belongs to it in a folder of a system.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::archive::Files;
-use super::licenses;
+use super::{licenses, read, write};
 use crate::python_environment::DIST;
 use crate::run::{Result, beside, cargo, command, output, root, run, target_folder, without_folders};
 
@@ -35,7 +34,6 @@ pub fn archive(target: &str, version: &str, page: &Path, into: &Path) -> Result 
     let program = build(target, page)?;
     let is_windows = target.contains("windows");
     let mut files = Files::default();
-    let read = |path: &Path| fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
     files.add_program(if is_windows { "rotorlead.exe" } else { PROGRAM }, read(&program)?);
     for name in PAGES {
         files.add(name, read(&root().join(name))?);
@@ -54,8 +52,7 @@ pub fn archive(target: &str, version: &str, page: &Path, into: &Path) -> Result 
 
     let top = format!("{PROGRAM}-{version}-{target}");
     let (end, bytes) = if is_windows { ("zip", files.zip(&top)?) } else { ("tar.gz", files.tar_gz(&top)?) };
-    let path = into.join(format!("{top}.{end}"));
-    fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+    write(&into.join(format!("{top}.{end}")), &bytes)
 }
 
 /// Builds the program, with zig as the linker where that has the target, and gives its file.

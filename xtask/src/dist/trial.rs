@@ -28,7 +28,7 @@ const IDENTIFY: &str =
 /// From the packages for a registry, from the archive, and from the wheel.
 pub fn run() -> Result {
     let folder = folder();
-    let names = names(&folder, "").map_err(|error| format!("{error}: `cargo xtask dist` makes it"))?;
+    let names = names(&folder).map_err(|error| format!("{error}: `cargo xtask dist` makes it"))?;
     let named = |end: &str| {
         let found = names.iter().find(|name| name.ends_with(end)).map(|name| folder.join(name));
         found.ok_or_else(|| format!("{}: nothing that ends in {end}: `cargo xtask dist` makes it", folder.display()))
@@ -113,7 +113,7 @@ fn python(title: &str, path: &Path) -> Result {
 fn from_packages(folder: &Path) -> Result {
     let home = Home::new("packages", ".cargo/bin")?;
     let (mut manifest, mut patches) = (None, String::from("[patch.crates-io]\n"));
-    for name in names(folder, "")? {
+    for name in names(folder)? {
         let name = name.trim_end_matches(".crate");
         let package = home.path().join("packages").join(name);
         let package = packages::unpack(&read(&folder.join(format!("{name}.crate")))?, &package)?.display().to_string();
