@@ -7,12 +7,16 @@ use std::path::Path;
 
 use crate::run::{Result, files_below};
 
-/// Folder of the pages, and in it the index and the folder of settings of mdbook.
+/// Folder of the pages, and in it the index.
 const DOCS: &str = "docs";
 const INDEX: &str = "docs/SUMMARY.md";
-const SETTINGS: &str = "docs/site";
+/// What mdbook reads beside the pages.
+const SETTINGS: [(&str, &str); 2] = [
+    ("book.toml", include_str!("../../book/book.toml")),
+    ("theme/head.hbs", include_str!("../../book/theme/head.hbs")),
+];
 
-/// Copies mdbook's settings, the index, the pages that it names, and what these show into `folder`. An error where a page links to what is
+/// Writes mdbook's settings, the index, the pages that it names, and what these show into `folder`. An error where a page links to what is
 /// not on the site, or where a file stands in `docs` that no page leads to.
 pub fn gather(root: &Path, folder: &Path) -> Result {
     let read = |file: &str| fs::read_to_string(root.join(file)).map_err(|error| format!("{file}: {error}"));
@@ -50,9 +54,7 @@ pub fn gather(root: &Path, folder: &Path) -> Result {
     }
     for path in files_below(&root.join(DOCS))? {
         let file = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
-        if let Some(setting) = file.strip_prefix(SETTINGS) {
-            write(&folder.join(setting.trim_start_matches('/')), read(&file)?.as_bytes())?;
-        } else if shown.contains(&file) {
+        if shown.contains(&file) {
             let content = fs::read(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
             write(&folder.join("src").join(place(&file)), &content)?;
         } else if !pages.contains(&file) && file != INDEX {
@@ -60,6 +62,9 @@ pub fn gather(root: &Path, folder: &Path) -> Result {
                 "{file} stands in {DOCS}, and no page leads to it: name it in {INDEX}, show it, or remove it"
             ));
         }
+    }
+    for (file, text) in SETTINGS {
+        write(&folder.join(file), text.as_bytes())?;
     }
     if errors.is_empty() { Ok(()) } else { Err(errors.join("\n")) }
 }
@@ -157,7 +162,7 @@ mod tests {
     #[test]
     fn links_lead_to_where_pages_stand_on_the_site() {
         let page = "[b](commands/README.md#y) [c](../SECURITY.md) [d](https://docs.rs/x)\n![e](figures/e.svg)\n";
-        let found = gathered(page, &[("docs/figures/e.svg", "<svg/>"), ("docs/site/book.toml", "")]).unwrap();
+        let found = gathered(page, &[("docs/figures/e.svg", "<svg/>")]).unwrap();
         let expected = "[b](commands/index.md#y) [c](SECURITY.md) [d](https://docs.rs/x)\n![e](figures/e.svg)\n[a](../a.md#x)\n[a](a.md)\n";
         assert_eq!(found, expected);
     }
