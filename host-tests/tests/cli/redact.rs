@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::stand::Stand;
+use crate::stand::{Stand, flowing};
 
 /// What is planted, in an order of its own.
 const NAMES: [&str; 3] = ["Jane Doe", "48.137154", "SN-0815-4711"];
@@ -157,4 +157,21 @@ fn what_is_dropped_is_said_and_nothing_is_written_over() {
     stand.write("log.mat", sample("vectors.mat"));
     stand.refuses("redact log.mat --out c.mat", 1, &["a MATLAB file", "`rotorlead import`"]);
     assert_eq!(fs::read(stand.path("log.csv")).unwrap(), log);
+}
+
+#[test]
+fn stamps_since_1970_stay_some_and_a_copy_is_refused_for_the_reason_of_the_log() {
+    let stand = Stand::empty();
+    let row = |k: usize| {
+        format!("{}.{:06},0.{},{}\n", 1_700_000_000 + k / 100, k % 100 * 10_000, 3 + k / 50 % 2, 5000 + k % 7)
+    };
+    stand.write("log.csv", "__time,command,rpm\n".to_owned() + &(0..400).map(row).collect::<String>());
+    let said = flowing(&stand.run("redact log.csv --out copy.csv"));
+    assert!(said.contains("`__time` begins at 1000000000"), "{said}");
+    let refused = "the log does not say what drove the command";
+    assert!(said.contains(refused), "{said}");
+    for log in ["log.csv", "copy.csv"] {
+        stand.refuses(&format!("identify {log}"), 2, &[refused]);
+    }
+    assert!(stand.read("copy.csv").starts_with("__time,command,rpm\n1000000000.000000,0.3,5000\n"));
 }

@@ -110,7 +110,7 @@ fn tables_of_every_dialect_are_copied() {
             staircase(),
             "time_ms,command,rpm,gps_lat\n".to_owned()
                 + &rows(|k, _, u| format!("{},{u},{},48.137154", since_1970(k), 9000.0 * u)),
-            "time_ms,command,rpm\n0,0.2,1800\n10,0.2,1800\n",
+            "time_ms,command,rpm\n1000000000000,0.2,1800\n1000000000010,0.2,1800\n",
         ),
         (
             "a decimal comma, semicolons, and units below the names",
@@ -120,7 +120,7 @@ fn tables_of_every_dialect_are_copied() {
                     let t = format!("{:.2}", 1_573_152_358.0 + 0.01 * k as f64).replace('.', ",");
                     format!("{t};{};{};SN-0815-4711", (100.5 * u).to_string().replace('.', ","), 9000.0 * u)
                 }),
-            "time;throttle;rpm\ns;%;rpm\n0,00;20,1;1800\n0,01;20,1;1800\n",
+            "time;throttle;rpm\ns;%;rpm\n1000000000,00;20,1;1800\n1000000000,01;20,1;1800\n",
         ),
         (
             "a row for each reading of a series, on a clock since 1970",
@@ -131,7 +131,7 @@ fn tables_of_every_dialect_are_copied() {
                     let cells = if k % 2 == 0 { command + "," } else { String::from(",") + &speed };
                     format!("{:.3},{cells},Jane Doe", 1_573_152_358.25 + 0.005 * k as f64)
                 }),
-            "time_s,command,rpm\n0.250,0.2,\n0.255,,1800\n",
+            "time_s,command,rpm\n1000000000.250,0.2,\n1000000000.255,,1800\n",
         ),
         (
             "the clock",

@@ -20,6 +20,7 @@ use self::names::{Said, is_electrical};
 use self::questions::{listed, option};
 use self::response::{Columns, Decision};
 use self::rows::Rows;
+pub(super) use self::units::SINCE_1970_S;
 use super::format::{Dialect, LogFormat, Reader, UNCOMPRESSED};
 use super::glitches::{MOST_GLITCHES, MOST_RPM};
 use super::quantity::{ELECTRICAL, Quantity, Scale, Unit};

@@ -19,7 +19,7 @@ const PULSES_US: (f64, f64) = (1000.0, 2000.0);
 /// Nor longer, microseconds.
 const MOST_PULSE_US: f64 = 2500.0;
 /// Seconds from 1970 to a date of a log. Chosen: 2001 to 2096.
-const SINCE_1970_S: std::ops::RangeInclusive<f64> = 1e9..=4e9;
+pub(in crate::import) const SINCE_1970_S: std::ops::RangeInclusive<f64> = 1e9..=4e9;
 /// Rows are no further apart, seconds. Derived: the next smaller unit, of a log that counts from its start, would have 1000 rows a second.
 const SLOWEST_S: f64 = 1.0;
 /// Rounding of whole numbers that were averaged.

@@ -1,10 +1,12 @@
-//! Times without the date and the hour: each is counted from the whole second, or the whole number, at which the first one is.
+//! Times without the date and the hour: each is counted from the whole second, or the whole number, at which the first one is. Stamps since
+//! 1970 stay such stamps, for the importer knows their unit by their size.
 //!
 //! Digits are moved and not computed: what stands behind the decimal mark stays as it is.
 
 use jiff::civil::{DateTime, date};
 
 use crate::import::esc32;
+use crate::import::plain::SINCE_1970_S;
 use crate::import::table::{Comma, seconds_since_midnight, without_unit};
 
 /// Digits of a number that are computed with.
@@ -19,10 +21,17 @@ pub(super) struct Clock {
     origin: Option<Origin>,
 }
 
+/// Units of stamps since 1970, in each second.
+const STAMPS_PER_S: [i128; 4] = [1, 1_000, 1_000_000, 1_000_000_000];
+
 /// What is subtracted.
 #[derive(Clone, Copy)]
 enum Origin {
-    Number(i128),
+    Number {
+        less: i128,
+        /// The whole number that is left of the first.
+        first: i128,
+    },
     /// Seconds since midnight.
     Hour(i64),
     Date(DateTime),
@@ -36,8 +45,8 @@ impl Clock {
     /// What was done to the times, behind the name of their column; `None` where nothing was.
     pub(super) fn change(&self) -> Option<String> {
         match self.origin? {
-            Origin::Number(0) => None,
-            Origin::Number(_) => Some(String::from("is counted from the whole number of its first row")),
+            Origin::Number { less: 0, .. } => None,
+            Origin::Number { first, .. } => Some(format!("begins at {first}")),
             Origin::Hour(_) => Some(String::from("begins at 00:00:00, without a date")),
             Origin::Date(_) => Some(format!("begins at {}", FIRST_DAY.strftime("%Y-%m-%d %H:%M:%S"))),
         }
@@ -66,12 +75,21 @@ impl Clock {
         let grouped = || number.replace(',', "");
         let number = if self.comma == Comma::Thousands { grouped() } else { number.to_owned() };
         let decimal = Decimal::parse(&number)?;
-        let origin = *self.origin.get_or_insert(Origin::Number(decimal.whole()));
-        let Origin::Number(first) = origin else { return None };
-        if first == 0 {
+        let origin = *self.origin.get_or_insert_with(|| Origin::number(decimal.whole()));
+        let Origin::Number { less, .. } = origin else { return None };
+        if less == 0 {
             return Some(text.to_owned());
         }
-        Some(decimal.minus(first)? + rest)
+        Some(decimal.minus(less)? + rest)
+    }
+}
+
+impl Origin {
+    /// Of numbers the first of which is this: it becomes zero, or the earliest second that counts as one since 1970.
+    fn number(first: i128) -> Self {
+        let is_within = |per_s: &i128| SINCE_1970_S.contains(&(first as f64 / *per_s as f64));
+        let kept = STAMPS_PER_S.into_iter().find(is_within).map_or(0, |per_s| *SINCE_1970_S.start() as i128 * per_s);
+        Self::Number { less: first - kept, first: kept }
     }
 }
 
@@ -150,8 +168,9 @@ mod tests {
     #[test]
     fn a_clock_begins_at_zero_and_keeps_its_digits() {
         for (times, expected) in [
-            (["1573152358.250", "1573152360.0"], ["0.250", "2.0"]),
-            (["1573152358250", "1573152358251"], ["0", "1"]),
+            (["1573152358.250", "1573152360.0"], ["1000000000.250", "1000000002.0"]),
+            (["1573152358250", "1573152358251"], ["1000000000000", "1000000000001"]),
+            (["86400.250", "86402.0"], ["0.250", "2.0"]),
             (["0.0065", "1.5"], ["0.0065", "1.5"]),
             (["12.5", "11.25"], ["0.5", "-0.75"]),
             (["-3.5", "1"], ["-0.5", "4"]),
@@ -166,7 +185,7 @@ mod tests {
         ] {
             assert_eq!(shifted(Comma::Wrong, &times), expected);
         }
-        assert_eq!(shifted(Comma::Decimal, &["1573152358,250", "1573152359,5"]), ["0,250", "1,5"]);
+        assert_eq!(shifted(Comma::Decimal, &["86400,250", "86401,5"]), ["0,250", "1,5"]);
         assert_eq!(shifted(Comma::Thousands, &["1,573,152.5", "1,573,153.25"]), ["0.5", "1.25"]);
     }
 

@@ -11,7 +11,6 @@ pub(super) mod ulog;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::mem::discriminant;
 use std::path::Path;
 
 use serde::Serialize;
@@ -40,7 +39,7 @@ pub struct Redacted {
     pub changes: Vec<String>,
     /// Rows that both are imported as; `None` where the importer refuses both.
     pub rows: Option<usize>,
-    /// Why the importer refuses the log, where it does.
+    /// Why the importer refuses the copy, which is why it refuses the log; `None` where it takes both.
     pub refused: Option<String>,
 }
 
@@ -101,8 +100,8 @@ pub fn redact(file: &Path, options: &ImportOptions) -> Result<Redacted, ImportEr
 /// or whose copy would be imported as something else.
 pub fn redact_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Redacted, ImportError> {
     let Copied { bytes: copy, kept, dropped, changes } = copied(file, bytes, options)?;
-    let imported = import_bytes(file, bytes, options);
-    if !is_same(&imported, &import_bytes(file, &copy, options)) {
+    let imported = import_bytes(file, &copy, options);
+    if !is_same(&import_bytes(file, bytes, options), &imported) {
         let problem = ": a copy of it without names and places would be read as something else than the log is";
         return Err(ImportError::not_redacted(file, problem));
     }
@@ -128,15 +127,20 @@ fn copied(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Copied, 
     Ok(copied)
 }
 
-/// Whether two logs are imported alike, or refused for the same kind of reason.
+/// Whether two logs are imported alike, or refused for the same reason.
 fn is_same(log: &Result<Import, ImportError>, copy: &Result<Import, ImportError>) -> bool {
     match (log, copy) {
         (Ok(log), Ok(copy)) => {
             log.summary.format == copy.summary.format && is_same_experiment(&log.experiment, &copy.experiment)
         }
-        (Err(log), Err(copy)) => discriminant(log) == discriminant(copy),
+        (Err(log), Err(copy)) => reason(log) == reason(copy),
         _ => false,
     }
+}
+
+/// Why a log is refused, without what is quoted of it.
+fn reason(error: &ImportError) -> String {
+    error.to_string().split('`').step_by(2).collect()
 }
 
 /// Whether all numbers are the same; times and rates, and means of the command over times, as far as a clock that begins elsewhere lets them.
