@@ -81,3 +81,12 @@ fn a_report_that_is_opened_has_a_name_and_replaces_no_other_page() {
     stand.write("demo-out/report.html", "<!doctype html>\n<title>A page of mine</title>\n");
     stand.refuses("demo --open", 1, &["demo-out/report.html", "a report would replace it", "--force"]);
 }
+
+#[test]
+fn a_report_whose_name_was_not_typed_asks_for_one_where_another_page_has_it() {
+    let stand = Stand::new();
+    stand.write("report.html", "<!doctype html>\n<title>A page of mine</title>\n");
+    let parts = ["`report.html` exists and is of an unknown kind", "name another file with --out, or give --force"];
+    stand.refuses("report stand", 1, &parts);
+    stand.refuses("report stand --out report.html", 1, &["`report.html` of --out exists", "name another file, or"]);
+}

@@ -3,13 +3,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use clap::parser::ValueSource::DefaultValue;
 use clap::{Arg, ArgMatches, Command};
 use rotorlead_records::FleetList;
 use rotorlead_records::files::TextFile;
 
 use super::UsageError;
 use super::fleet::{DIAGNOSIS, MODEL};
-use super::replacement::{self, ReplacementRefused};
+use super::replacement::{self, ReplacementRefused, Typed};
 use rotorlead_records::FLEET_LIST;
 
 /// Options that name what is written; every other path is read. A test holds every path of the command line to be known.
@@ -30,6 +31,7 @@ struct Named<'a> {
     /// The command that has the option.
     command: &'a str,
     path: &'a Path,
+    typed: Typed,
     /// Where that is, links followed as far as there is something.
     at: PathBuf,
 }
@@ -58,9 +60,9 @@ pub(super) fn check(command: &Command, matches: &ArgMatches) -> Result<(), Usage
 /// Refuses to replace a file of another kind than the output that would.
 pub(super) fn check_replaced(command: &Command, matches: &ArgMatches) -> Result<(), ReplacementRefused> {
     let outputs = paths(command, matches).into_iter().filter(|named| WRITTEN.contains(&named.id));
-    outputs
-        .into_iter()
-        .try_for_each(|output| replacement::check(output.path, &output.option, (output.command, output.id)))
+    outputs.into_iter().try_for_each(|output| {
+        replacement::check(output.path, &output.option, output.typed, (output.command, output.id))
+    })
 }
 
 /// Every path that is given to the command and those that it is part of.
@@ -71,12 +73,17 @@ fn paths<'a>(command: &'a Command, matches: &'a ArgMatches) -> Vec<Named<'a>> {
         for argument in command.get_arguments() {
             let id = argument.get_id().as_str();
             let given = matches.try_get_many::<PathBuf>(id).ok().flatten().into_iter().flatten();
+            let typed = match matches.try_contains_id(id).is_ok() && matches.value_source(id) == Some(DefaultValue) {
+                true => Typed::Nothing,
+                false => Typed::Path,
+            };
             let is_standard_output = |path: &PathBuf| id == "json" && path == Path::new("-");
             paths.extend(given.filter(|path| !is_standard_output(path)).map(|path| Named {
                 option: name(argument),
                 id,
                 command: command.get_name(),
                 path,
+                typed,
                 at: place(path),
             }));
         }

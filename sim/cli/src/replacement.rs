@@ -39,12 +39,12 @@ const BEGINNING: u64 = 1000;
 #[diagnostic(help("name another {place}, or give --force to replace it"))]
 pub(super) struct ReplacementRefused {
     path: PathBuf,
-    /// Which option names the path, where one does.
+    /// Which option the path was typed at, where it was.
     origin: String,
     found: &'static str,
     written: &'static str,
     /// What is to be named instead.
-    place: &'static str,
+    place: String,
 }
 
 /// JSON with what wrote it.
@@ -58,16 +58,18 @@ pub(super) fn generator() -> String {
     format!("{GENERATOR}{}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Refuses to replace a file that no output of this option of the command can be. A folder is filled by rules of its own.
-pub(super) fn check(path: &Path, option: &str, output: (&str, &str)) -> Result<(), ReplacementRefused> {
-    check_at(path, format!("of {option} "), "file", output)
+/// Whether a path was typed at its option, or is what the option stands for where none is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Typed {
+    Path,
+    Nothing,
 }
 
-/// As [`check`], with what an error says of where the path is from, and of what is to be named instead.
-fn check_at(
+/// Refuses to replace a file that no output of this option of the command can be. A folder is filled by rules of its own.
+pub(super) fn check(
     path: &Path,
-    origin: String,
-    place: &'static str,
+    option: &str,
+    typed: Typed,
     (command, id): (&str, &str),
 ) -> Result<(), ReplacementRefused> {
     let kinds: &[&'static str] = match (command, id) {
@@ -91,18 +93,12 @@ fn check_at(
     if found.is_some_and(|found| kinds.contains(&found)) {
         return Ok(());
     }
+    let (origin, place) = match typed {
+        Typed::Path => (format!("of {option} "), "file".to_owned()),
+        Typed::Nothing => (String::new(), format!("file with {option}")),
+    };
     let found = found.unwrap_or(UNKNOWN);
     Err(ReplacementRefused { path: path.to_owned(), origin, found, written: kinds[0], place })
-}
-
-/// Refuses to put a report that `--report` does not name in the place of another file.
-pub(super) fn check_unnamed_report(path: &Path) -> Result<(), ReplacementRefused> {
-    check_at(path, String::new(), "file with --report", ("", "report"))
-}
-
-/// Refuses to put a sample that `--out` does not name in the place of another file.
-pub(super) fn check_unnamed_sample(path: &Path) -> Result<(), ReplacementRefused> {
-    check_at(path, String::new(), "file with --out", ("sample", "out"))
 }
 
 /// Whether something is lost where this is replaced. What cannot be read is refused as what cannot be written.
@@ -121,7 +117,13 @@ pub(super) fn check_figure(path: &Path, content: &[u8]) -> Result<(), Replacemen
         return Ok(());
     }
     let (path, origin, found) = (path.to_owned(), "of --figures ".to_owned(), kind(path).unwrap_or(UNKNOWN));
-    Err(ReplacementRefused { path, origin, found, written: if is_table { TABLE } else { FIGURE }, place: "folder" })
+    Err(ReplacementRefused {
+        path,
+        origin,
+        found,
+        written: if is_table { TABLE } else { FIGURE },
+        place: "folder".into(),
+    })
 }
 
 /// What a file is, where this program writes such files.

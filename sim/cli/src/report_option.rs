@@ -11,7 +11,7 @@ use rotorlead_records::import::{MissingOption, shell_word};
 use rotorlead_report::{FigureError, html, png, svg};
 
 use super::browser::open_file;
-use super::replacement::{check_figure, check_unnamed_report, report_at};
+use super::replacement::{self, Typed, check_figure, report_at};
 use super::{UsageError, progress};
 
 /// What a report is called that nobody names.
@@ -76,7 +76,7 @@ impl ReportOption {
         }
         let file = folder.join(DEFAULT_REPORT);
         if !self.figures.force {
-            check_unnamed_report(&file)?;
+            replacement::check(&file, "--report", Typed::Nothing, ("", "report"))?;
         }
         self.figures.check()?;
         Ok(Self { report: Some(file), ..self.clone() })

@@ -10,7 +10,7 @@ use rotorlead_records::import::shell_word;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
-use super::replacement::{check_unnamed_sample, written_to};
+use super::replacement::{self, Typed, written_to};
 
 /// Writes a log to try the program on, or lists those that it has
 ///
@@ -104,7 +104,7 @@ impl Sample {
         let own_name = PathBuf::from(log.name());
         let out = self.out.as_ref().unwrap_or(&own_name);
         if self.out.is_none() && !self.force {
-            check_unnamed_sample(out)?;
+            replacement::check(out, "--out", Typed::Nothing, ("sample", "out"))?;
         }
         check_writable(out)?;
         let written = written_to(out);
