@@ -90,3 +90,12 @@ fn a_report_whose_name_was_not_typed_asks_for_one_where_another_page_has_it() {
     stand.refuses("report stand", 1, &parts);
     stand.refuses("report stand --out report.html", 1, &["`report.html` of --out exists", "name another file, or"]);
 }
+
+#[test]
+fn a_report_that_speaks_of_a_warning_prints_it() {
+    let stand = Stand::empty();
+    stand.run("sample staircase");
+    let said = flowing(&stand.run("report staircase.csv --no-diagnosis"));
+    let (_, warnings) = said.split_once("There is a warning: read it before the model is used").expect(&said);
+    assert!(warnings.contains("warning: ") && warnings.contains(" help: "), "{said}");
+}

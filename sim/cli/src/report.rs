@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead_answer::words::paragraph;
+use rotorlead_answer::words::{paragraph, remark};
 use rotorlead_answer::{Report, Tone, Verdict};
 use rotorlead_design::redesign::KindOptions;
 use rotorlead_design::{DesignOptions, InverseOptions};
@@ -100,6 +100,10 @@ impl ReportCommand {
         text.push_str(&paragraph(&report.verdict.headline, ""));
         for sentence in &report.verdict.sentences {
             text.push_str(&paragraph(sentence, ""));
+        }
+        let warnings: String = overview.grouped_findings().iter().map(remark).collect();
+        if !warnings.is_empty() {
+            text = text + "\n" + &warnings;
         }
         text.push_str(&figures);
         text.push_str(&report_at(&self.out));

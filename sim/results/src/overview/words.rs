@@ -24,6 +24,12 @@ impl Overview {
     /// What the reader should know, each with what to do: of the records, then of the compensator.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
+        self.grouped_findings().iter().map(in_words).collect()
+    }
+
+    /// The same as findings, those with one remedy together.
+    #[must_use]
+    pub fn grouped_findings(&self) -> Vec<Finding> {
         let of_design = self.designed.iter().flat_map(|answer| in_groups(&answer.findings));
         in_groups(&self.findings).into_iter().chain(of_design).collect()
     }
@@ -67,9 +73,7 @@ impl Overview {
         // Nothing below is worth more than the records.
         if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
             let headline = "Something is wrong with the records, and all that follows rests on them.";
-            verdicts.push(
-                Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(std::slice::from_ref(finding)))]),
-            );
+            verdicts.push(Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(finding))]));
         }
         if let Some(Ok(found)) = &self.diagnosed {
             verdicts.push(Verdict { sentences: sizes(found), ..diagnosis_answer(found).verdict });
@@ -195,17 +199,19 @@ fn sizes(found: &Diagnosis) -> Vec<String> {
     found.effects.iter().map(of_effect).collect()
 }
 
-/// Findings of one remedy, with it.
-fn in_words(alike: &[Finding]) -> String {
-    let messages: Vec<&str> = alike.iter().map(|finding| finding.message.as_str()).collect();
-    let remedy = alike.first().and_then(|finding| finding.remedy.as_deref());
-    [messages.join("; ").as_str()].into_iter().chain(remedy).collect::<Vec<_>>().join(": ")
+/// A finding with its remedy.
+fn in_words(finding: &Finding) -> String {
+    [&finding.message].into_iter().chain(&finding.remedy).map(String::as_str).collect::<Vec<_>>().join(": ")
 }
 
 /// All of them; those that follow each other with one remedy, as of one lack at several nominal commands, together.
-fn in_groups(findings: &[Finding]) -> Vec<String> {
-    let is_one = |a: &Finding, b: &Finding| a.remedy.is_some() && a.remedy == b.remedy;
-    findings.chunk_by(is_one).map(in_words).collect()
+fn in_groups(findings: &[Finding]) -> Vec<Finding> {
+    let is_one = |a: &Finding, b: &Finding| a.severity == b.severity && a.remedy.is_some() && a.remedy == b.remedy;
+    let together = |alike: &[Finding]| {
+        let messages: Vec<&str> = alike.iter().map(|finding| finding.message.as_str()).collect();
+        Some(Finding { message: messages.join("; "), ..alike.first()?.clone() })
+    };
+    findings.chunk_by(is_one).filter_map(together).collect()
 }
 
 /// A part that there is not.
@@ -236,6 +242,7 @@ mod tests {
             finding("c", None),
             finding("d", Some("record less")),
         ];
-        assert_eq!(in_groups(&findings), ["u_nom 0.4: a; u_nom 0.5: a: record longer", "b", "c", "d: record less"]);
+        let grouped: Vec<String> = in_groups(&findings).iter().map(in_words).collect();
+        assert_eq!(grouped, ["u_nom 0.4: a; u_nom 0.5: a: record longer", "b", "c", "d: record less"]);
     }
 }
