@@ -29,7 +29,7 @@ const LICENSE: &str = "LICENSE";
 const SUMS: &str = "SHA256SUMS";
 
 /// Everything that is made on this machine: the packages for a registry, the program for this machine, the Python package, the page, the
-/// documentation, the images of the boards, the list of what is linked, and the sums of all.
+/// documentation, the images of the boards, the lists of what is linked, and the sums of all.
 pub fn make() -> Result {
     setup::check()?;
     setup::dist()?;
@@ -62,6 +62,7 @@ pub fn make() -> Result {
     let python_sbom = folder.join(format!("rotorlead-{version}-python.cdx.json"));
     timed("lists of what is linked", || {
         write(&folder.join(format!("rotorlead-{version}.cdx.json")), &sbom::list(program::PACKAGE, &host)?)?;
+        write(&folder.join(format!("rotorlead-{version}-web.cdx.json")), &sbom::list(PAGE_PACKAGE, web::TARGET)?)?;
         write(&python_sbom, &sbom::list(PYTHON_PACKAGE, &host)?)
     })?;
     timed("Python package", || python::release(&licenses::texts(PYTHON_PACKAGE, &host)?, &python_sbom, folder))?;
@@ -80,7 +81,7 @@ pub fn make_program(target: &str) -> Result {
     sums(&folder)
 }
 
-/// A board's image in the forms that flash it, and the licenses of what is in it.
+/// A board's image in the forms that flash it, and the licenses and the list of what is in it.
 fn image(board: &'static Board, version: &str, folder: &Path) -> Result {
     let (_, files) = firmware::build_files(board)?;
     let name = format!("rotorlead-{version}-{}", board.name);
@@ -88,7 +89,8 @@ fn image(board: &'static Board, version: &str, folder: &Path) -> Result {
         let end = path.extension().unwrap_or_default().to_string_lossy();
         write(&folder.join(format!("{name}.{end}")), &read(&path)?)?;
     }
-    write(&folder.join(format!("{name}-third-party.txt")), &licenses::texts(&board.package, &board.target)?)
+    write(&folder.join(format!("{name}-third-party.txt")), &licenses::texts(&board.package, &board.target)?)?;
+    write(&folder.join(format!("{name}.cdx.json")), &sbom::list(&board.package, &board.target)?)
 }
 
 /// Writes the sums of all files in a folder and in its folders, and prints them.
